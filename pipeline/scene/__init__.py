@@ -1,0 +1,1 @@
+"""The mathematics of a scene: cameras, fields, rendering, occupancy, meshes, textures."""
