@@ -1,1 +1,1 @@
-"""Compiled (numba) inner loops on plain arrays; the typed functions around them are in `pipeline.scene`."""
+"""Compiled inner loops (numba) on plain arrays; the typed functions around them are in pipeline.scene."""

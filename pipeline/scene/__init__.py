@@ -1,1 +1,1 @@
-"""The mathematics of a scene: cameras, fields, rendering, occupancy, meshes, textures."""
+"""The scene: cameras, field, volume rendering, occupancy, meshes. Mathematics; no files except meshes and checkpoints."""

@@ -1,0 +1,73 @@
+"""Files that are either whole or absent, and their checksums."""
+
+import errno
+import hashlib
+import os
+from pathlib import Path
+
+from pipeline.errors import InputError
+
+REFUSALS = {
+    errno.ENOSPC: "no space is left on the device: free some",
+    errno.EDQUOT: "the disk quota is used up: free some",
+    errno.EFBIG: "the file would exceed the allowed size: raise the limit",
+    errno.EROFS: "the file system is read-only: choose another folder with OUT=",
+    errno.EACCES: "permission denied: choose another folder with OUT=",
+    errno.EPERM: "operation not permitted: choose another folder with OUT=",
+    errno.ENOTDIR: "a file stands where a folder is needed: choose another folder with OUT=",
+}
+
+
+def refusal(error: OSError) -> InputError | None:
+    """Return the user's view of an error that the machine, not the program, is the reason of; else None."""
+    reason = REFUSALS.get(error.errno or 0)
+    if reason is None:
+        return None
+    return InputError(f"{error.filename or 'writing'}: {reason}, then give the same command again")
+
+
+def file_sha256(path: Path) -> str:
+    """Return the hexadecimal sha256 of a file's bytes."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def path_sha256(path: Path) -> str:
+    """Return the sha256 of a file, or of a folder's relative paths and contents (hidden files apart)."""
+    if not path.is_dir():
+        return file_sha256(path)
+    digest = hashlib.sha256()
+    for file in sorted(f for f in path.rglob("*") if f.is_file() and not f.name.startswith(".")):
+        digest.update(f"{file.relative_to(path).as_posix()}\0{file_sha256(file)}\n".encode())
+    return digest.hexdigest()
+
+
+def sync(path: Path) -> None:
+    """Force a file, or a folder's directory entries, to the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def publish(pairs: list[tuple[Path, Path]]) -> None:
+    """Move finished files into place, each atomically: after a crash a name holds the old or the new bytes."""
+    for source, _ in pairs:
+        sync(source)
+    for source, target in pairs:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        os.replace(source, target)
+    for folder in {target.parent for _, target in pairs}:
+        sync(folder)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file atomically."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.name}.part{os.getpid()}")
+    try:
+        partial.write_text(text, encoding="utf-8")
+        publish([(partial, path)])
+    finally:
+        partial.unlink(missing_ok=True)

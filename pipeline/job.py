@@ -1,0 +1,449 @@
+"""What is asked for: one typed, range-checked job.
+
+A job is resolved from, in rising order of precedence: the defaults below (the paper's values where it gives them),
+the quality table, the ``distillation`` section of the model's bundle.json, the YAML file named by JOB, and the
+environment variables PROMPT, NEGATIVE, MODEL, SEED, QUALITY. The resolved job is complete: it is what a run's
+job.yaml holds, and its hash names the run's folder.
+
+This module is imported before anything runs, so it imports nothing heavy.
+"""
+
+import dataclasses
+import hashlib
+import json
+import math
+import re
+import typing
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import yaml
+
+from pipeline.errors import InputError
+
+T = TypeVar("T")
+MODELS = Path(__file__).resolve().parents[1] / "onnx_models"
+DEFAULT_MODEL = "everyday-objects"
+
+
+def option(default: Any, help: str, low: float | None = None, high: float | None = None) -> Any:
+    """Return a dataclass field with its meaning and its inclusive range (None: unbounded)."""
+    return field(default=default, metadata={"help": help, "low": low, "high": high})
+
+
+@dataclass(frozen=True)
+class TrainNerf:
+    """Latent-NeRF: score distillation of a radiance field in latent space."""
+
+    steps: int = option(600, "optimiser steps", 1, 100_000)
+    cameras_per_step: int = option(4, "views rendered and denoised in one step", 1, 64)
+    resolution: int = option(
+        0, "side of a rendered view [latent pixels]; 0: the bundle's latent size", 0, 512
+    )
+    samples_per_ray: int = option(64, "samples along a ray through the whole box", 8, 1024)
+    guidance_scale: float = option(
+        100.0, "classifier-free guidance at the first step; 1 skips the unconditional pass", 1, 1000
+    )
+    guidance_scale_end: float = option(100.0, "guidance at the last step (linear in between)", 1, 1000)
+    timestep_min: float = option(0.02, "least noise, as a share of the schedule", 0, 1)
+    timestep_max: float = option(0.98, "most noise at the first step, as a share of the schedule", 0, 1)
+    timestep_max_end: float = option(0.98, "most noise at the last step (linear in between)", 0, 1)
+    predicted_clean_clamp: float = option(
+        0.0, "bound on the absolute predicted clean latents; 0: none", 0, 1000
+    )
+    learning_rate: float = option(1e-3, "Adam's rate for the small network", 1e-7, 1)
+    grid_learning_rate: float = option(1e-2, "Adam's rate for the hash grid", 1e-7, 1)
+    sparsity_weight: float = option(5e-4, "weight of the binary entropy of every ray's opacity", 0, 1e6)
+    opacity_weight: float = option(0.0, "weight of the mean opacity", 0, 1e6)
+    background: Literal["random", "learned"] = option(
+        "random", "a random flat colour each view, or a learned one"
+    )
+    blob_density: float = option(5.0, "height of the density bias at the centre", 0, 1000)
+    blob_radius: float = option(0.2, "standard deviation of the density bias [scene units]", 1e-3, 10)
+    density_sharpening: float = option(
+        1.0, "density multiplier at the end (geometric ramp over the second half)", 1, 1000
+    )
+    checkpoint_every: int = option(100, "steps between checkpoints", 1, 100_000)
+    preview_every: int = option(50, "steps between preview images", 1, 100_000)
+    radius: tuple[float, float] = option((1.0, 1.5), "camera distance, from and to [scene units]", 0.1, 100)
+    fov_degrees: tuple[float, float] = option((40.0, 70.0), "field of view, from and to [degrees]", 1, 170)
+    polar_degrees: tuple[float, float] = option(
+        (0.0, 150.0), "angle from the vertical axis, from and to [degrees]", 0, 180
+    )
+
+    def __post_init__(self) -> None:
+        check(self)
+        if self.timestep_min >= min(self.timestep_max, self.timestep_max_end):
+            raise InputError(
+                "train_nerf.timestep_min must be below timestep_max and timestep_max_end, "
+                f"found {self.timestep_min} against {self.timestep_max} and {self.timestep_max_end}"
+            )
+
+
+@dataclass(frozen=True)
+class Extract:
+    """Marching cubes of the density."""
+
+    resolution: int = option(128, "cells along a side of the box", 16, 1024)
+    views: int = option(24, "views whose silhouettes choose the density threshold", 4, 256)
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
+class Clean:
+    """Repair and simplification of the mesh."""
+
+    faces: int = option(20_000, "face budget", 100, 5_000_000)
+    smoothing: int = option(5, "Taubin smoothing steps", 0, 100)
+    min_component: float = option(0.02, "components with a smaller share of the faces are dropped", 0, 1)
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
+class Unwrap:
+    """Texture coordinates."""
+
+    resolution: int = option(1024, "side of the atlas that islands are packed for [texels]", 64, 16_384)
+    padding: int = option(8, "space between islands [texels]", 0, 64)
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
+class Bake:
+    """Decoded views projected onto the texture."""
+
+    views: int = option(24, "views decoded and projected", 4, 256)
+    view_resolution: int = option(
+        0, "side of a rendered view [latent pixels]; 0: the bundle's latent size", 0, 512
+    )
+    texture: int = option(1024, "side of the texture [texels]", 64, 16_384)
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
+class Publish:
+    """The asset and its pictures."""
+
+    preview_size: int = option(256, "side of a tile of preview.png [pixels]", 32, 2048)
+    turntable_size: int = option(384, "side of the turntable [pixels]", 32, 2048)
+    turntable_frames: int = option(72, "frames of one turn", 2, 1000)
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
+class Job:
+    """One asset."""
+
+    prompt: str = option("", "what to make, e.g. a red armchair")
+    negative: str = option("", "what to avoid")
+    model: str = option(DEFAULT_MODEL, "a folder under onnx_models/, or a path to one")
+    seed: int = option(0, "seed of every random number", 0, 2**32 - 1)
+    quality: Literal["draft", "standard", "high"] = option("standard", "how much work: see the quality table")
+    train_nerf: TrainNerf = field(default_factory=TrainNerf)
+    extract: Extract = field(default_factory=Extract)
+    clean: Clean = field(default_factory=Clean)
+    unwrap: Unwrap = field(default_factory=Unwrap)
+    bake: Bake = field(default_factory=Bake)
+    publish: Publish = field(default_factory=Publish)
+
+    def __post_init__(self) -> None:
+        check(self)
+        for name in ("prompt", "negative"):
+            check_text(name, getattr(self, name))
+        if not self.prompt.strip():
+            raise InputError(
+                'prompt is empty: say what to make, for example make run PROMPT="a red armchair"'
+            )
+
+
+QUALITY: dict[str, dict[str, dict[str, Any]]] = {
+    "draft": {
+        "train_nerf": {"steps": 200, "samples_per_ray": 48},
+        "extract": {"resolution": 96, "views": 12},
+        "clean": {"faces": 8_000},
+        "unwrap": {"resolution": 512},
+        "bake": {"views": 12, "texture": 512},
+        "publish": {"turntable_frames": 36},
+    },
+    "standard": {},
+    "high": {
+        "train_nerf": {"steps": 2000, "samples_per_ray": 96},
+        "extract": {"resolution": 192, "views": 48},
+        "clean": {"faces": 60_000},
+        "unwrap": {"resolution": 2048},
+        "bake": {"views": 48, "texture": 2048},
+        "publish": {"turntable_frames": 120},
+    },
+}
+
+# What each stage may read of the job: the options that make up its key. A stage reads nothing else.
+STAGE_OPTIONS: dict[str, tuple[str, ...]] = {
+    "embed": ("prompt", "negative"),
+    "train_nerf": ("seed", "train_nerf"),
+    "extract": ("extract",),
+    "clean": ("clean",),
+    "unwrap": ("unwrap",),
+    "bake": ("bake",),
+    "publish": ("publish",),
+    "report": ("prompt", "negative", "model", "seed", "quality"),
+}
+
+
+def check(options: Any) -> None:
+    """Check every field of a dataclass of options against its type and its range.
+
+    Raises:
+        InputError: the field, the value found and the values allowed.
+    """
+    section = "" if isinstance(options, Job) else f"{_snake(type(options).__name__)}."
+    hints = typing.get_type_hints(type(options))
+    for spec in dataclasses.fields(options):
+        value = getattr(options, spec.name)
+        if not dataclasses.is_dataclass(value):
+            _check_value(f"{section}{spec.name}", value, hints[spec.name], spec.metadata)
+
+
+def check_text(name: str, text: str) -> None:
+    """Refuse text that no tokenizer, file or page can carry: NUL, or bytes that were not UTF-8."""
+    if "\0" in text:
+        raise InputError(f"{name} holds a NUL character at position {text.index(chr(0))}: remove it")
+    try:
+        text.encode("utf-8")
+    except UnicodeEncodeError as error:
+        raise InputError(f"{name} is not valid UTF-8 at position {error.start}: write it in UTF-8") from None
+
+
+def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
+    """Return the complete job that the environment asks for (an empty variable counts as not given).
+
+    Raises:
+        InputError: an unknown key, a value of the wrong type or out of range, a model that does not exist.
+    """
+    given: dict[str, Any] = read_yaml(Path(environment["JOB"])) if environment.get("JOB") else {}
+    for variable in ("PROMPT", "NEGATIVE", "MODEL", "QUALITY"):
+        if environment.get(variable):
+            given[variable.lower()] = environment[variable]
+    if environment.get("SEED"):
+        given["seed"] = _parse_seed(environment["SEED"])
+    # Everything the user can get wrong is named before the layers below it are merged in.
+    asked = build(Job, given, environment.get("JOB") or "")
+    layers = [
+        QUALITY[asked.quality],
+        {"train_nerf": _bundle_options(bundle_folder(asked.model, models))},
+        given,
+    ]
+    merged: dict[str, Any] = {}
+    for layer in layers:
+        for key, value in layer.items():
+            merged[key] = {**merged.get(key, {}), **value} if isinstance(value, dict) else value
+    return build(Job, merged, environment.get("JOB") or "")
+
+
+def bundle_folder(model: str, models: Path = MODELS) -> Path:
+    """Return the absolute folder of a model: a name under `models`, or a path (anything with a separator).
+
+    Raises:
+        InputError: there is no such folder; the text lists those there are.
+    """
+    folder = (Path(model) if "/" in model else models / model).absolute()
+    if model in ("", ".", "..") or not folder.is_dir():
+        known = sorted(entry.name for entry in models.iterdir() if entry.is_dir()) if models.is_dir() else []
+        raise InputError(
+            f"MODEL {model!r} does not exist; there are: {', '.join(known) or 'none'} (in {models.name}/)"
+        )
+    return folder
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """Read a YAML mapping (safe_load: tags never execute).
+
+    Raises:
+        InputError: the file is absent, is not YAML, or holds no mapping.
+    """
+    try:
+        value = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} is not plain YAML: {' '.join(str(error).split())}") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    except RecursionError:
+        raise InputError(f"{path} is nested too deeply to be a job") from None
+    if value is None:
+        return {}
+    if not isinstance(value, dict):
+        raise InputError(
+            f"{path} holds {type(value).__name__}, expected a mapping such as prompt: a red armchair"
+        )
+    return value
+
+
+def build(kind: type[T], values: Mapping[str, Any], where: str = "", section: str = "") -> T:
+    """Build a dataclass of options from plain YAML values.
+
+    Raises:
+        InputError: an unknown key (with the valid ones), a wrong type, a value out of range.
+    """
+    prefix = f"{where}: " if where else ""
+    hints = typing.get_type_hints(kind)
+    made: dict[str, Any] = {}
+    for key, value in values.items():
+        name = f"{section}{key}"
+        if key not in hints:
+            raise InputError(f"{prefix}unknown key {name!r}; valid keys: {', '.join(hints)}")
+        if dataclasses.is_dataclass(hints[key]):
+            if not isinstance(value, Mapping):
+                raise InputError(f"{prefix}{name} is {value!r}, expected a mapping of options")
+            made[key] = build(typing.cast(type, hints[key]), value, where, f"{name}.")
+        else:
+            made[key] = _widen(value, hints[key])
+    try:
+        return kind(**made)
+    except InputError as error:
+        raise (
+            error if not prefix or str(error).startswith(prefix) else InputError(f"{prefix}{error}")
+        ) from None
+
+
+def to_yaml(job: Job) -> str:
+    """Return the complete job as YAML; ``build(Job, yaml.safe_load(...))`` gives the same job back."""
+    return yaml.safe_dump(_plain(job), sort_keys=False, allow_unicode=True, width=110)
+
+
+def load(path: Path) -> Job:
+    """Read a resolved job.
+
+    Raises:
+        InputError: as for `read_yaml` and `build`.
+    """
+    return build(Job, read_yaml(path), str(path))
+
+
+def stage_options(job: Job, stage: str) -> dict[str, Any]:
+    """Return the part of the job that a stage depends on, as plain JSON values."""
+    plain = _plain(job)
+    return {name: plain[name] for name in STAGE_OPTIONS[stage]}
+
+
+def run_name(job: Job) -> str:
+    """Return the name of the job's folder: a readable slug and a hash of everything asked for."""
+    digest = hashlib.sha256(json.dumps(_plain(job), sort_keys=True).encode()).hexdigest()
+    slug = re.sub(r"[^a-z0-9]+", "-", job.prompt.lower()).strip("-")[:40].strip("-")
+    return f"{slug or 'prompt'}-{digest[:10]}"
+
+
+def describe() -> str:
+    """Return every option with its default, range and meaning, as YAML with comments."""
+    lines = []
+    for spec in dataclasses.fields(Job):
+        kind = typing.get_type_hints(Job)[spec.name]
+        if dataclasses.is_dataclass(kind):
+            lines += ["", f"{spec.name}:  # {(kind.__doc__ or '').strip()}"]
+            lines += [
+                f"  {_describe_field(inner, typing.get_type_hints(kind)[inner.name])}"
+                for inner in dataclasses.fields(kind)
+            ]
+        else:
+            lines.append(_describe_field(spec, kind))
+    return "\n".join(lines)
+
+
+def _describe_field(spec: "dataclasses.Field[Any]", hint: Any) -> str:
+    value = json.dumps(spec.default) if not isinstance(spec.default, tuple) else str(list(spec.default))
+    return f"{spec.name}: {value}".ljust(36) + f"  # {_allowed(hint, spec.metadata)}: {spec.metadata['help']}"
+
+
+def _check_value(name: str, value: Any, hint: Any, metadata: Mapping[str, Any]) -> None:
+    low = -math.inf if metadata["low"] is None else metadata["low"]
+    high = math.inf if metadata["high"] is None else metadata["high"]
+    if typing.get_origin(hint) is Literal:
+        good = isinstance(value, str) and value in typing.get_args(hint)
+    elif hint is str:
+        good = isinstance(value, str)
+    elif hint is int:
+        good = isinstance(value, int) and not isinstance(value, bool) and low <= value <= high
+    elif hint is float:
+        good = _is_real(value) and low <= value <= high
+    else:
+        good = (
+            isinstance(value, tuple)
+            and len(value) == 2
+            and all(_is_real(v) and low <= v <= high for v in value)
+            and value[0] <= value[1]
+        )
+    if not good:
+        raise InputError(f"{name} is {_short(value)}, expected {_allowed(hint, metadata)}")
+
+
+def _allowed(hint: Any, metadata: Mapping[str, Any]) -> str:
+    if typing.get_origin(hint) is Literal:
+        return " | ".join(typing.get_args(hint))
+    if hint is str:
+        return "text"
+    kind = {int: "a whole number", float: "a number"}.get(hint, "two rising numbers")
+    if metadata["low"] is None and metadata["high"] is None:
+        return kind
+    return f"{kind} from {_number(metadata['low'])} to {_number(metadata['high'])}"
+
+
+def _number(value: float | None) -> str:
+    return "any" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _is_real(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _widen(value: Any, hint: Any) -> Any:
+    """YAML has no tuples and writes whole floats as integers."""
+    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if typing.get_origin(hint) is tuple and isinstance(value, list):
+        return tuple(float(v) if _is_real(v) else v for v in value)
+    return value
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {spec.name: _plain(getattr(value, spec.name)) for spec in dataclasses.fields(value)}
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _snake(name: str) -> str:
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
+
+
+def _parse_seed(text: str) -> int:
+    if not re.fullmatch(r"[+-]?\d{1,20}", text.strip(), flags=re.ASCII):
+        raise InputError(f"SEED is {_short(text)}, expected a whole number from 0 to {2**32 - 1}")
+    return int(text)
+
+
+def _bundle_options(folder: Path) -> dict[str, Any]:
+    path = folder / "bundle.json"
+    if not path.exists():
+        return {}
+    try:
+        options = json.loads(path.read_text(encoding="utf-8")).get("distillation", {})
+    except (OSError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"{path} is not a bundle description: {error}; fetch or export the bundle again"
+        ) from None
+    build(TrainNerf, options, str(path))
+    return dict(options)

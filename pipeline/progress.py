@@ -1,0 +1,69 @@
+"""Progress of long work, for a person: a line that says how far, how long still, and how it goes."""
+
+import sys
+import time
+from types import TracebackType
+from typing import Self, TextIO
+
+PATIENCE = 2.0
+"""Work shorter than this says nothing [seconds]."""
+INTERVAL = {True: 0.2, False: 5.0}
+"""Time between lines on a terminal and elsewhere [seconds]."""
+
+channel: TextIO | None = None
+"""Where progress goes; None: standard error. `pipeline.stage.execute` sets it."""
+
+
+def say(text: str) -> None:
+    """Print one line for the user at once."""
+    print(text, file=channel or sys.stderr, flush=True)  # noqa: T201
+
+
+class Progress:
+    """Counts units of work::
+
+    with Progress("train", total=600, unit="steps") as progress:
+        for step in range(600):
+            progress.update(step + 1, note="gradient 0.1")
+    """
+
+    def __init__(self, label: str, total: int, unit: str = "", start: int = 0) -> None:
+        """`start` is what an earlier, interrupted run has done of `total`."""
+        self.label, self.total, self.unit, self.start = label, total, unit, start
+        self.began = self.said = time.monotonic()
+        self.width = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def update(self, done: int, note: str = "") -> None:
+        """Tell that `done` of `total` units are done; prints at most every few seconds."""
+        now = time.monotonic()
+        stream = channel or sys.stderr
+        terminal = stream.isatty()
+        if now - self.began < PATIENCE or now - self.said < INTERVAL[terminal]:
+            return
+        self.said = now
+        line = f"{self.label}: {done}/{self.total} {self.unit}".rstrip()
+        if done > self.start:
+            left = (now - self.began) / (done - self.start) * (self.total - done)
+            line += f", {duration(left)} left"
+        line += f", {note}" if note else ""
+        if terminal:
+            stream.write("\r" + line.ljust(self.width))
+            self.width = len(line)
+        else:
+            stream.write(line + "\n")
+        stream.flush()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self.width:
+            (channel or sys.stderr).write("\r" + " " * self.width + "\r")
+
+
+def duration(seconds: float) -> str:
+    """Return a length of time as a person says it, such as ``4 s`` or ``2 min 05 s``."""
+    whole = round(seconds)
+    return f"{whole} s" if whole < 100 else f"{whole // 60} min {whole % 60:02d} s"
