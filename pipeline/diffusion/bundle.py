@@ -1,0 +1,215 @@
+"""A model bundle: a folder in Hugging Face Optimum's layout, and what it says about itself.
+
+    model_index.json  {text_encoder,unet,vae_decoder[,vae_encoder]}/model.onnx [+ config.json]
+    tokenizer/{vocab.json,merges.txt,...}  scheduler/scheduler_config.json  [bundle.json]
+
+`bundle.json` is this project's addition; a foreign folder lacks it and gets Stable Diffusion's values.
+Everything that can be wrong with the files is found here, before a network is opened, and named in
+one line. Importing this module is cheap: no onnxruntime, no torch.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pipeline.diffusion.onnx_file import OnnxFile, check_external, read_onnx
+from pipeline.errors import InputError
+
+STABLE_DIFFUSION_SCALE = 0.18215
+STABLE_DIFFUSION_LATENTS = 64
+VIEW_PROMPTS = ("paper", "eight")
+REQUIRED_GRAPHS = ("text_encoder", "unet", "vae_decoder")
+OPTIONAL_GRAPHS = ("vae_encoder", "vae_encoder_vjp")
+# onnxruntime's transformer optimiser writes these for CUDA and ROCm; no CPU kernel exists.
+GPU_ONLY = {"GroupNorm", "SkipGroupNorm", "NhwcConv", "BiasSplitGelu", "BiasAdd", "NhwcFusedConv", "PackedAttention"}
+STANDARD_DOMAINS = {"", "ai.onnx", "ai.onnx.ml", "com.microsoft", "com.microsoft.nchwc", "ai.onnx.training"}
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """What a bundle is: sizes in pixels, its prompts, and its recommended training options."""
+
+    path: Path
+    name: str
+    image_size: int
+    """Side of a decoded image, pixels."""
+    latent_size: int
+    """Side of a latent image, latent pixels."""
+    latent_channels: int
+    latent_scale: float
+    """Latents outside the graphs are the VAE's own times this."""
+    view_prompts: str
+    """Which words describe a view: "paper" (five) or "eight" (azimuth sectors), see prompts.py."""
+    distillation: dict[str, Any]
+    """Values of `TrainNerf` that suit this model better than the defaults."""
+    known_words: frozenset[str] | None
+    """Words of its training captions; None when any text will do."""
+    latent_to_rgb: tuple[tuple[float, ...], ...] | None
+    """3 x c matrix and offset of the linear map from latents to RGB in [0, 1], fitted at export."""
+    latent_to_rgb_bias: tuple[float, ...] | None
+    trained_on: str
+    has_vae_encoder: bool
+    files: dict[str, str]
+    """sha256 of every file by its path inside the bundle; empty in a foreign folder."""
+
+
+def open_bundle(folder: Path, *, verify: bool = True) -> Bundle:
+    """Return the description of the bundle in `folder` after checking its files.
+
+    Checked: every needed file is there and not empty; models are whole ONNX files that a CPU can run
+    with all their external weights; with `verify`, the checksums in bundle.json. Raises InputError
+    with one line: the file, what was found, what was expected, what to do.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such model folder; see the folders in {folder.parent} or export one")
+    described = read_json(folder / "bundle.json") if (folder / "bundle.json").exists() else {}
+    files = _field(folder, described, "files", dict, {})
+    graphs = [*REQUIRED_GRAPHS, *(name for name in OPTIONAL_GRAPHS if _is_listed(folder, name, files))]
+    for relative in files:
+        _check_relative(folder, relative)
+    if verify:
+        _verify_checksums(folder, files)
+    for name in graphs:
+        check_graph(folder / name)
+    _check_tokenizer(folder / "tokenizer")
+    read_json(folder / "scheduler" / "scheduler_config.json")
+    return _describe(folder, described, files, graphs)
+
+
+def _is_listed(folder: Path, graph: str, files: dict[str, str]) -> bool:
+    return (folder / graph).is_dir() or f"{graph}/model.onnx" in files
+
+
+def _check_relative(folder: Path, relative: str) -> None:
+    path = Path(relative)
+    if path.is_absolute() or ".." in path.parts:
+        raise InputError(f"{folder / 'bundle.json'}: lists the file {relative!r}, expected a path inside the bundle")
+
+
+def _verify_checksums(folder: Path, files: dict[str, str]) -> None:
+    for relative, expected in files.items():
+        path = folder / relative
+        if not path.is_file():
+            raise InputError(f"{path}: missing, listed in bundle.json; copy the bundle again")
+        if sha256_of(path) != expected:
+            raise InputError(
+                f"{path}: {path.stat().st_size} bytes that differ from the checksum in bundle.json (truncated or "
+                "changed); copy the bundle again"
+            )
+
+
+def sha256_of(path: Path) -> str:
+    """Return the sha256 of a file, in hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Return the JSON object in `path`; raises InputError when it is missing, empty or something else."""
+    if not path.is_file():
+        raise InputError(f"{path}: missing, expected a JSON file; copy or export the bundle again")
+    try:
+        value = json.loads(path.read_text("utf-8"))
+    except (ValueError, RecursionError) as error:
+        found = "0 bytes" if path.stat().st_size == 0 else f"no valid JSON ({str(error).splitlines()[0][:120]})"
+        raise InputError(f"{path}: {found}, expected a JSON object; copy or export the bundle again") from None
+    if not isinstance(value, dict):
+        raise InputError(f"{path}: a JSON {type(value).__name__}, expected an object; copy or export the bundle again")
+    return value
+
+
+def check_graph(folder: Path) -> OnnxFile:
+    """Return the outline of `folder/model.onnx`; raises InputError when it cannot work on a CPU.
+
+    Missing, empty, truncated, a pointer or a page instead of a model, external weights missing or
+    outside the folder, operators that exist only on a GPU or nowhere.
+    """
+    path = folder / "model.onnx"
+    if not path.is_file():
+        raise InputError(f"{path}: missing, expected the ONNX graph of {folder.name}; copy or export the bundle again")
+    model = read_onnx(path)
+    check_external(model)
+    gpu = sorted(name for domain, name in model.operators if domain == "com.microsoft" and name in GPU_ONLY)
+    if gpu:
+        raise InputError(
+            f"{path}: optimised for a GPU (operators {', '.join(gpu)}), expected plain ONNX; export the checkpoint again "
+            "without onnxruntime's GPU optimisation"
+        )
+    foreign = {pair for pair in model.operators - model.functions if pair[0] not in STANDARD_DOMAINS}
+    if foreign:
+        names = ", ".join(sorted(f"{domain}::{name}" for domain, name in foreign)[:5])
+        raise InputError(
+            f"{path}: uses the custom operator(s) {names}, expected standard ones; custom code is never loaded, "
+            "export the model without it"
+        )
+    return model
+
+
+def _check_tokenizer(folder: Path) -> None:
+    whole = folder / "tokenizer.json"
+    for name in ("vocab.json", "merges.txt"):
+        path = folder / name
+        if not path.is_file() and not whole.is_file():
+            raise InputError(f"{path}: missing, expected the tokenizer's {path.stem}; copy or export the bundle again")
+        if path.is_file() and path.stat().st_size == 0:
+            raise InputError(f"{path}: 0 bytes, expected the tokenizer's {path.stem}; copy the bundle again")
+
+
+def graph_config(folder: Path) -> dict[str, Any]:
+    """Return the config.json beside a graph, {} where the exporter wrote none."""
+    return read_json(folder / "config.json") if (folder / "config.json").exists() else {}
+
+
+def graph_scale(folder: Path) -> float:
+    """Return the latent scale of a VAE folder: `scaling_factor` of its config.json, else Stable Diffusion's."""
+    return _field(folder, graph_config(folder), "scaling_factor", float, STABLE_DIFFUSION_SCALE)
+
+
+def latent_size(unet_folder: Path) -> int:
+    """Return the side of the latents the network was trained at: `sample_size` of its config.json, else 64."""
+    return _field(unet_folder, graph_config(unet_folder), "sample_size", int, STABLE_DIFFUSION_LATENTS)
+
+
+def _field(place: Path, values: dict[str, Any], key: str, kind: type, default: Any) -> Any:
+    value = values.get(key, default)
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if not isinstance(value, kind) or (kind in (int, float) and not 0 < value < 1e6):
+        raise InputError(f"{place}: {key} is {value!r}, expected a {'positive ' if kind in (int, float) else ''}"
+                         f"{kind.__name__}; correct it or export the bundle again")
+    return value
+
+
+def _describe(folder: Path, described: dict[str, Any], files: dict[str, str], graphs: list[str]) -> Bundle:
+    place = folder / "bundle.json"
+    size = _field(place, described, "latent_size", int, latent_size(folder / "unet"))
+    blocks = graph_config(folder / "vae_decoder").get("block_out_channels", [0] * 4)
+    scale = graph_scale(folder / "vae_decoder")
+    if (said := _field(place, described, "latent_scale", float, scale)) != scale:
+        raise InputError(f"{place}: latent_scale is {said}, vae_decoder/config.json says {scale}; make them agree")
+    view_prompts = _field(place, described, "view_prompts", str, "paper")
+    if view_prompts not in VIEW_PROMPTS:
+        raise InputError(f"{place}: view_prompts is {view_prompts!r}, expected one of {', '.join(VIEW_PROMPTS)}")
+    matrix, bias = described.get("latent_to_rgb"), described.get("latent_to_rgb_bias")
+    words = described.get("known_words")
+    return Bundle(
+        path=folder,
+        name=_field(place, described, "name", str, folder.name),
+        image_size=_field(place, described, "image_size", int, size * 2 ** (len(blocks) - 1)),
+        latent_size=size,
+        latent_channels=_field(place, described, "latent_channels", int, 4),
+        latent_scale=scale,
+        view_prompts=view_prompts,
+        distillation=_field(place, described, "distillation", dict, {}),
+        known_words=None if words is None else frozenset(str(word) for word in words),
+        latent_to_rgb=None if matrix is None else tuple(tuple(float(x) for x in row) for row in matrix),
+        latent_to_rgb_bias=None if bias is None else tuple(float(x) for x in bias),
+        trained_on=str(described.get("trained_on", "")),
+        has_vae_encoder="vae_encoder" in graphs,
+        files=files,
+    )

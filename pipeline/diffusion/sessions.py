@@ -1,0 +1,266 @@
+"""Networks as plain callables on numpy arrays; the only module that imports onnxruntime.
+
+Each function opens one graph folder of a bundle (`<bundle>/unet` and so on) for the length of a
+`with` block and releases it, and its memory, at the end:
+
+    with denoiser(bundle / "unet") as denoise:
+        output = denoise(latents, timesteps, text)
+
+Exporters disagree about names, types and ranks (Optimum, diffusers' script, Olive). The graph's own
+signature decides: every feed is cast to it, inputs that the graph lacks are dropped, a batch or a
+timestep that the graph fixes is served by several calls. Latents outside are multiplied by the
+bundle's latent scale, graphs want them plain: the scaling happens here. Letters: b batch, l tokens,
+d text width, c latent channels, h and w latent pixels.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from pipeline.diffusion.bundle import check_graph, graph_scale
+from pipeline.errors import InputError
+
+Array: TypeAlias = np.ndarray
+EncodeText: TypeAlias = Callable[[Int[Array, "b l"]], Float[Array, "b l d"]]
+Denoise: TypeAlias = Callable[
+    [Float[Array, "b c h w"], Int[Array, " b"], Float[Array, "b l d"]], Float[Array, "b c h w"]
+]
+Decode: TypeAlias = Callable[[Float[Array, "b c h w"]], Float[Array, "b H W 3"]]
+Encode: TypeAlias = Callable[[Float[Array, "b H W 3"]], Float[Array, "b c h w"]]
+
+_DTYPES = {
+    "tensor(float)": np.float32,
+    "tensor(float16)": np.float16,
+    "tensor(double)": np.float64,
+    "tensor(int32)": np.int32,
+    "tensor(int64)": np.int64,
+    "tensor(bool)": np.bool_,
+}
+# No network of a working bundle comes near this; a flipped exponent bit in a weight passes it.
+LARGEST_OUTPUT = 1e6
+
+
+class Graph:
+    """One open ONNX graph: `run` casts named feeds to its signature and returns named float32 outputs."""
+
+    def __init__(self, path: Path, threads: int | None = None) -> None:
+        import onnxruntime
+
+        options = onnxruntime.SessionOptions()
+        options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_ALL
+        options.intra_op_num_threads = _threads() if threads is None else threads
+        # Without this, onnxruntime's idle threads spin and take the cores from torch and numba.
+        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+        options.log_severity_level = 4  # faults arrive as exceptions; its log would repeat them on the terminal
+        onnxruntime.set_seed(0)  # a VAE encoder that samples in the graph must repeat itself
+        self.path = path
+        try:
+            self.session: Any = onnxruntime.InferenceSession(
+                str(path), sess_options=options, providers=["CPUExecutionProvider"]
+            )
+        except Exception as error:
+            # onnxruntime's exceptions share no base class but Exception.
+            raise InputError(f"{path}: {explain_load_error(str(error))}") from error
+        self.inputs = {port.name: port for port in self.session.get_inputs()}
+        self.outputs = [port.name for port in self.session.get_outputs()]
+
+    def axis(self, name: str, axis: int) -> int | None:
+        """Return the size that the graph fixes for an axis of an input, None where any size will do."""
+        if name not in self.inputs or axis >= len(self.inputs[name].shape):
+            return None
+        size = self.inputs[name].shape[axis]
+        return size if isinstance(size, int) and size > 0 else None
+
+    def rank(self, name: str) -> int | None:
+        """Return the number of axes of an input, None when the graph lacks it."""
+        return len(self.inputs[name].shape) if name in self.inputs else None
+
+    def run(self, feeds: dict[str, Array]) -> dict[str, Array]:
+        """Run once. Feeds that the graph lacks are dropped; raises InputError for what it needs and did not get."""
+        if missing := [name for name in self.inputs if name not in feeds]:
+            raise InputError(
+                f"{self.path}: wants the input(s) {', '.join(missing)}, this program has {', '.join(feeds)}; "
+                "export the model with the usual inputs"
+            )
+        cast = {name: self._cast(name, feeds[name]) for name in self.inputs}
+        values = self.session.run(self.outputs, cast)
+        return {name: np.asarray(value, np.float32) for name, value in zip(self.outputs, values, strict=True)}
+
+    def _cast(self, name: str, value: Array) -> Array:
+        port = self.inputs[name]
+        if port.type not in _DTYPES:
+            raise InputError(f"{self.path}: input {name} is {port.type}, expected one of {', '.join(_DTYPES)}")
+        if not np.isfinite(value).all():
+            raise FloatingPointError(f"{self.path}: the input {name} holds NaN or infinity before the network runs")
+        value = np.ascontiguousarray(value, _DTYPES[port.type])
+        if value.ndim != len(port.shape):
+            raise InputError(f"{self.path}: input {name} has {len(port.shape)} axes, expected {value.ndim}")
+        for axis, (found, wanted) in enumerate(zip(value.shape, port.shape, strict=True)):
+            if isinstance(wanted, int) and wanted > 0 and wanted != found:
+                raise InputError(
+                    f"{self.path}: input {name} is fixed to {wanted} on axis {axis}, this run has {found}; use that "
+                    "size, or export the model with a free one"
+                )
+        return value
+
+    def pick(self, outputs: dict[str, Array], names: tuple[str, ...], rank: int, when: str = "") -> Array:
+        """Return the output with one of `names` (or the only one of that rank), checked to be finite and sane."""
+        name = next((name for name in names if name in outputs), None)
+        if name is None:
+            fitting = [name for name, value in outputs.items() if value.ndim == rank]
+            if len(fitting) != 1:
+                raise InputError(
+                    f"{self.path}: its outputs are {', '.join(outputs)}, expected {' or '.join(names)}; "
+                    "export the model with the usual names"
+                )
+            name = fitting[0]
+        value = outputs[name]
+        largest = float(np.abs(value).max(initial=0.0))
+        if not largest < LARGEST_OUTPUT:  # NaN compares false
+            what = f"values up to {largest:.1e}" if np.isfinite(largest) else "NaN or infinity"
+            raise InputError(
+                f"{self.path}: the output {name} holds {what}{when}, expected finite values below {LARGEST_OUTPUT:.0e}; "
+                "the weights are damaged or overflow in half precision: copy or export the model again"
+            )
+        return value
+
+
+def _threads() -> int:
+    """Cores this process may use; OMP_NUM_THREADS lowers it, as for torch and numpy."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    wished = os.environ.get("OMP_NUM_THREADS", "")
+    return min(cores, int(wished)) if wished.isdigit() and int(wished) > 0 else cores
+
+
+def explain_load_error(message: str) -> str:
+    """Return one line in plain words for what onnxruntime says when it cannot load a model."""
+    operator = re.search(r"(?:for|op_type:?|Op:?)\s*[\"']?([A-Z]\w+)(?:\(|[\"' ]|$)", message)
+    if "external" in message.lower() and ("escapes" in message or "outside" in message or "absolute" in message):
+        return "its external weights lie outside its folder, which is refused; put the weights beside the .onnx file"
+    if "is not a registered" in message or "NOT_IMPLEMENTED" in message or "No Op registered" in message:
+        name = operator.group(1) if operator else "one"
+        return f"needs the operator {name}, which the CPU provider lacks; export it without provider-specific fusions"
+    if "opset" in message and "support" in message:
+        return "made for a newer ONNX operator set than this onnxruntime knows; export at opset 20 or update onnxruntime"
+    if "NO_SUCHFILE" in message or "file_size" in message or "external" in message.lower():
+        return "a file of its weights is missing or too short; copy the whole folder again"
+    if "INVALID_PROTOBUF" in message or "Protobuf parsing failed" in message:
+        return "not an ONNX model, or truncated; copy or export the file again"
+    first = re.sub(r"^\[ONNXRuntimeError\] : \d+ : \w+ : ", "", message.strip().splitlines()[0])[:300]
+    return f"does not load: {first}"
+
+
+@contextmanager
+def open_graph(folder: Path, threads: int | None = None) -> Iterator[Graph]:
+    """Open `folder/model.onnx` (checked first), give the Graph, and release its session at the end.
+
+    `threads`: intra-op threads; None is every core this process may use. Raises InputError with the
+    file's name when it is missing, damaged or not loadable.
+    """
+    check_graph(folder)
+    graph = Graph(folder / "model.onnx", threads)
+    try:
+        yield graph
+    finally:
+        del graph.session  # frees the weights now, not when the last closure goes
+
+
+@contextmanager
+def text_encoder(folder: Path) -> Iterator[EncodeText]:
+    """Give encode_text: token ids (b, l) -> last hidden states (b, l, d), one row at a time."""
+    with open_graph(folder) as graph:
+
+        def encode_text(input_ids: Int[Array, "b l"]) -> Float[Array, "b l d"]:
+            rows = [graph.run({"input_ids": row[None]}) for row in input_ids]
+            return np.concatenate([graph.pick(row, ("last_hidden_state",), 3) for row in rows])
+
+        yield encode_text
+
+
+@contextmanager
+def denoiser(folder: Path, threads: int | None = None) -> Iterator[Denoise]:
+    """Give denoise: latents (b, c, h, w), timesteps (b,), text (b, l, d) -> raw network output (b, c, h, w).
+
+    One call to the network where the graph allows it; one for each distinct timestep where its
+    timestep is a scalar; blocks of its own size where its batch is fixed.
+    """
+    with open_graph(folder, threads) as graph:
+        one_timestep = graph.rank("timestep") == 0 or graph.axis("timestep", 0) == 1
+        block = graph.axis("sample", 0)
+
+        def call(sample: Array, timesteps: Array, text: Array) -> Array:
+            count = len(sample)
+            if block is not None and count < block:  # a fixed batch: fill up with copies, drop them after
+                fill = np.minimum(np.arange(block), count - 1)
+                sample, timesteps, text = sample[fill], timesteps[fill], text[fill]
+            shape = {0: (), 1: (1,) if one_timestep else (len(timesteps),)}.get(graph.rank("timestep") or 0, ())
+            timestep = timesteps[0].reshape(shape) if one_timestep else timesteps
+            outputs = graph.run({"sample": sample, "timestep": timestep, "encoder_hidden_states": text})
+            when = f" at timestep {', '.join(str(t) for t in np.unique(timesteps))}"
+            return graph.pick(outputs, ("out_sample", "sample", "noise_pred"), 4, when)[:count]
+
+        def denoise(
+            sample: Float[Array, "b c h w"], timesteps: Int[Array, " b"], text: Float[Array, "b l d"]
+        ) -> Float[Array, "b c h w"]:
+            result = np.empty(sample.shape, np.float32)
+            groups = [np.flatnonzero(timesteps == t) for t in np.unique(timesteps)] if one_timestep else [
+                np.arange(len(sample))
+            ]
+            for group in groups:
+                for start in range(0, len(group), block or len(group)):
+                    rows = group[start : start + (block or len(group))]
+                    result[rows] = call(sample[rows], timesteps[rows], text[rows])
+            return result
+
+        yield denoise
+
+
+@contextmanager
+def vae_decoder(folder: Path, latent_scale: float | None = None) -> Iterator[Decode]:
+    """Give decode: scaled latents (b, c, h, w) -> images (b, H, W, 3) in [0, 1], one image at a time.
+
+    `latent_scale`: None reads it from the folder's config.json (else Stable Diffusion's 0.18215).
+    """
+    scale = graph_scale(folder) if latent_scale is None else latent_scale
+    with open_graph(folder) as graph:
+
+        def decode(latents: Float[Array, "b c h w"]) -> Float[Array, "b H W 3"]:
+            images = []
+            for index in range(len(latents)):
+                outputs = graph.run({"latent_sample": latents[index : index + 1] / np.float32(scale)})
+                image = graph.pick(outputs, ("sample",), 4, f" for image {index}")
+                images.append(np.clip(image[0].transpose(1, 2, 0) / 2 + 0.5, 0.0, 1.0))
+            return np.stack(images)
+
+        yield decode
+
+
+@contextmanager
+def vae_encoder(folder: Path, latent_scale: float | None = None) -> Iterator[Encode]:
+    """Give encode: images (b, H, W, 3) in [0, 1] -> scaled latents (b, c, h, w), one image at a time.
+
+    The mean, where the graph gives mean and log-variance (`latent_parameters`, 2c channels); a sample
+    where it draws one itself (`latent_sample`, c channels). `latent_scale` as in `vae_decoder`.
+    """
+    scale = graph_scale(folder) if latent_scale is None else latent_scale
+    with open_graph(folder) as graph:
+
+        def encode(images: Float[Array, "b H W 3"]) -> Float[Array, "b c h w"]:
+            latents = []
+            for index in range(len(images)):
+                image = images[index : index + 1].transpose(0, 3, 1, 2) * 2 - 1
+                outputs = graph.run({"sample": image})
+                value = graph.pick(outputs, ("latent_parameters", "latent_sample"), 4, f" for image {index}")
+                is_moments = "latent_parameters" in outputs or value.shape[1] == 8
+                latents.append(value[0, : value.shape[1] // 2] if is_moments else value[0])
+            return np.stack(latents) * np.float32(scale)
+
+        yield encode
