@@ -1,0 +1,195 @@
+"""Stage `clean`: a raw marching-cubes mesh becomes one closed, smooth, small manifold.
+
+Order matters: what nobody can see goes first (floaters, cavities), since it would eat the face budget; smoothing comes
+before decimation, since the quadrics measure the staircase of the grid otherwise; repair comes last again, because
+collapsing edges can pinch a surface.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pymeshlab
+
+from pipeline.errors import InputError
+from pipeline.scene.mesh import Mesh, read_ply, used_vertices, write_ply
+from pipeline.scene.silhouettes import comparison_cameras, mean_iou, silhouettes
+from pipeline.scene.topology import face_components, signed_volumes, topology
+from pipeline.stage import Context, execute
+
+REPAIR_ROUNDS = 4
+HOLE_EDGES = 200  # a hole with a longer border is taken for an opening of the shape
+VIEWS = 24
+SILHOUETTE_SIZE = 192
+
+
+def clean_mesh(
+    mesh: Mesh, faces: int, smoothing: int, min_component: float
+) -> tuple[Mesh, list[dict[str, Any]]]:
+    """Return the cleaned mesh and, for every step, its name and the counts after it.
+
+    Args:
+        mesh: raw surface, positions in scene units.
+        faces: budget; the result has at most so many.
+        smoothing: Taubin steps (each one shrinks and grows, so the volume stays); 0 leaves the surface alone.
+        min_component: pieces with a smaller share of all faces are floaters and go, in [0, 1].
+    """
+    steps: list[dict[str, Any]] = []
+
+    def note(step: str, result: Mesh) -> Mesh:
+        counts = topology(result)
+        steps.append(
+            {
+                "step": step,
+                "vertices": len(result.vertices),
+                "faces": len(result.faces),
+                "components": counts.components,
+                "boundary_edges": counts.boundary_edges,
+                "non_manifold_edges": counts.non_manifold_edges,
+                "non_manifold_vertices": counts.non_manifold_vertices,
+            }
+        )
+        return result
+
+    mesh = note("input", mesh)
+    mesh = note("duplicates and null faces", remove_duplicates(mesh))
+    mesh = note("floaters", remove_floaters(mesh, min_component))
+    mesh = note("cavities", remove_cavities(mesh))
+    mesh = note("repair", repair(mesh))
+    if smoothing:
+        mesh = note("smoothing", smooth(mesh, smoothing))
+    if len(mesh.faces) > faces:
+        mesh = note("decimation", decimate(mesh, faces))
+        mesh = note("repair", repair(mesh))
+    return note("orientation", orient_outwards(mesh)), steps
+
+
+def _filters(mesh: Mesh) -> pymeshlab.MeshSet:
+    meshes = pymeshlab.MeshSet(verbose=False)
+    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices.astype(np.float64), mesh.faces))
+    return meshes
+
+
+def _result(meshes: pymeshlab.MeshSet) -> Mesh:
+    current = meshes.current_mesh()
+    return Mesh(current.vertex_matrix().astype(np.float32), current.face_matrix().astype(np.int32))
+
+
+def remove_duplicates(mesh: Mesh) -> Mesh:
+    """Return the mesh without repeated vertices and faces, faces without area, and unused vertices."""
+    meshes = _filters(mesh)
+    meshes.meshing_remove_duplicate_vertices()
+    meshes.meshing_remove_duplicate_faces()
+    meshes.meshing_remove_null_faces()
+    meshes.meshing_remove_unreferenced_vertices()
+    return _result(meshes)
+
+
+def remove_floaters(mesh: Mesh, min_component: float) -> Mesh:
+    """Return the pieces that hold at least `min_component` of the faces; the largest one always stays."""
+    component = face_components(mesh)
+    size = np.bincount(component)
+    keep = size >= min_component * len(mesh.faces)
+    keep[size.argmax()] = True
+    return used_vertices(Mesh(mesh.vertices, mesh.faces[keep[component]]))
+
+
+def remove_cavities(mesh: Mesh) -> Mesh:
+    """Return the mesh without the walls of closed hollows, which no view can see.
+
+    Marching cubes turns every face from dense to empty, so a piece with a negative volume bounds a hollow. If all
+    pieces are inside out, the whole mesh is, and nothing is removed.
+    """
+    component = face_components(mesh)
+    outer = signed_volumes(mesh, component) > 0
+    if not outer.any():
+        return mesh
+    return used_vertices(Mesh(mesh.vertices, mesh.faces[outer[component]]))
+
+
+def repair(mesh: Mesh) -> Mesh:
+    """Return the mesh with manifold edges and vertices and without small holes.
+
+    Closing a hole can make a new bad edge, and splitting a vertex a new hole, hence a few rounds.
+    """
+    for _ in range(REPAIR_ROUNDS):
+        counts = topology(mesh)
+        if counts.manifold and counts.closed and not counts.flipped_edges:
+            break
+        meshes = _filters(mesh)
+        meshes.meshing_repair_non_manifold_edges(method="Remove Faces")
+        meshes.meshing_repair_non_manifold_vertices(vertdispratio=0.0)
+        meshes.meshing_close_holes(maxholesize=HOLE_EDGES, selfintersection=False)
+        meshes.meshing_re_orient_faces_coherently()
+        meshes.meshing_remove_unreferenced_vertices()
+        mesh = _result(meshes)
+    return mesh
+
+
+def smooth(mesh: Mesh, steps: int) -> Mesh:
+    """Return the mesh after `steps` of Taubin smoothing (lambda 0.5, mu -0.53: a low-pass that does not shrink)."""
+    meshes = _filters(mesh)
+    meshes.apply_coord_taubin_smoothing(lambda_=0.5, mu=-0.53, stepsmoothnum=steps)
+    return _result(meshes)
+
+
+def decimate(mesh: Mesh, faces: int) -> Mesh:
+    """Return the mesh with at most `faces` faces, by quadric edge collapse (Garland and Heckbert 1997).
+
+    Collapses that would change the topology are refused as long as the budget can be met without them.
+    """
+    for keep_topology in (True, False):
+        meshes = _filters(mesh)
+        meshes.meshing_decimation_quadric_edge_collapse(
+            targetfacenum=faces,
+            qualitythr=0.3,
+            preservenormal=True,
+            preservetopology=keep_topology,
+            optimalplacement=True,
+            planarquadric=True,
+        )
+        result = _result(meshes)
+        if len(result.faces) <= faces:
+            break
+    return result
+
+
+def orient_outwards(mesh: Mesh) -> Mesh:
+    """Return the mesh with the faces of every piece turned so that its volume is positive."""
+    component = face_components(mesh)
+    inwards = (signed_volumes(mesh, component) < 0)[component]
+    faces = mesh.faces.copy()
+    faces[inwards] = faces[inwards][:, ::-1]
+    return Mesh(mesh.vertices, faces)
+
+
+def main(context: Context) -> None:
+    options = context.job.clean
+    raw = read_ply(context.inputs["mesh"])
+    mesh, steps = clean_mesh(raw, options.faces, options.smoothing, options.min_component)
+    counts = topology(mesh)
+    if not counts.manifold:
+        raise InputError(
+            f"{context.inputs['mesh']}: {counts.non_manifold_edges} edges and {counts.non_manifold_vertices} vertices "
+            "are still not manifold after cleaning; raise extract.resolution or clean.faces"
+        )
+    cameras = comparison_cameras(VIEWS)
+    kept = mean_iou(
+        silhouettes(mesh, cameras, SILHOUETTE_SIZE), silhouettes(raw, cameras, SILHOUETTE_SIZE)
+    )
+    context.metrics.update(
+        steps=steps,
+        vertices=len(mesh.vertices),
+        faces=len(mesh.faces),
+        components=counts.components,
+        euler=counts.euler,
+        watertight=counts.closed,
+        manifold=counts.manifold,
+        silhouette_iou_with_raw=kept,
+    )
+    write_ply(context.outputs["mesh"], mesh)
+
+
+if __name__ == "__main__":
+    execute("clean", main)
