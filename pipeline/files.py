@@ -52,7 +52,7 @@ def sync(path: Path) -> None:
 
 
 def publish(pairs: list[tuple[Path, Path]]) -> None:
-    """Move finished files into place, each atomically: after a crash a name holds the old or the new bytes."""
+    """Move finished files into place, each atomically: a crash leaves the old or the new bytes."""
     for source, _ in pairs:
         sync(source)
     for source, target in pairs:

@@ -1,9 +1,9 @@
 """What is asked for: one typed, range-checked job.
 
-A job is resolved from, in rising order of precedence: the defaults below (the paper's values where it gives them),
-the quality table, the ``distillation`` section of the model's bundle.json, the YAML file named by JOB, and the
-environment variables PROMPT, NEGATIVE, MODEL, SEED, QUALITY. The resolved job is complete: it is what a run's
-job.yaml holds, and its hash names the run's folder.
+A job is resolved from, in rising order of precedence: the defaults below (the paper's values where it gives
+them), the quality table, the ``distillation`` section of the model's bundle.json, the YAML file named by
+JOB, and the environment variables PROMPT, NEGATIVE, MODEL, SEED, QUALITY. The resolved job is complete: it
+is what a run's job.yaml holds, and its hash names the run's folder.
 
 This module is imported before anything runs, so it imports nothing heavy.
 """
@@ -53,6 +53,7 @@ class TrainNerf:
     predicted_clean_clamp: float = option(
         0.0, "bound on the absolute predicted clean latents; 0: none", 0, 1000
     )
+    signal_power: float = option(0.5, "p of the weight abar^p (1 - abar); 0.5: Latent-NeRF's code, 0: DreamFusion", 0, 4)
     learning_rate: float = option(1e-3, "Adam's rate for the small network", 1e-7, 1)
     grid_learning_rate: float = option(1e-2, "Adam's rate for the hash grid", 1e-7, 1)
     sparsity_weight: float = option(5e-4, "weight of the binary entropy of every ray's opacity", 0, 1e6)
@@ -62,6 +63,10 @@ class TrainNerf:
     )
     blob_density: float = option(5.0, "height of the density bias at the centre", 0, 1000)
     blob_radius: float = option(0.2, "standard deviation of the density bias [scene units]", 1e-3, 10)
+    density_bias: float = option(0.0, "added to the log density everywhere; below 0 the box starts empty around the blob", -15, 15)
+    grid_levels: int = option(16, "levels of the hash grid", 1, 24)
+    grid_finest: int = option(512, "cells along a side of the box at the finest level", 16, 8192)
+    grid_table_log2: int = option(16, "log2 of the most table entries of a level", 8, 22)
     density_sharpening: float = option(
         1.0, "density multiplier at the end (geometric ramp over the second half)", 1, 1000
     )

@@ -16,7 +16,7 @@ channel: TextIO | None = None
 
 def say(text: str) -> None:
     """Print one line for the user at once."""
-    print(text, file=channel or sys.stderr, flush=True)  # noqa: T201
+    print(text, file=channel or sys.stderr, flush=True)
 
 
 class Progress:

@@ -1,17 +1,20 @@
 """The contract of every stage: read files, write files, say how.
 
-A stage is run as ``python -m pipeline.stages.<name> --job job.yaml --input name=path ... --output name=path ...`` in the
-run's folder. Its module holds pure functions and a thin ``main(context)``, and ends with ``execute("<name>", main)``.
-Outputs appear in place only when main has returned, and the entry ``stages/<name>.json`` last of all, so a kill at any
-point leaves either the old state or the new one. A stage whose key (see `pipeline.provenance`) is that of its entry,
-or of a sibling run's, does not run again.
+A stage is run in the run's folder as
+``python -m pipeline.stages.<name> --job job.yaml --input name=path ... --output name=path ...``.
+Its module holds pure functions and a thin ``main(context)``, and ends with ``execute("<name>", main)``.
+Outputs appear in place only when main has returned, and the entry ``stages/<name>.json`` last of all, so a
+kill at any point leaves either the old state or the new one. A stage whose key (see `pipeline.provenance`) is
+that of its entry, or of a sibling run's, does not run again.
 """
 
 import argparse
+import ctypes
 import json
 import os
 import resource
 import shutil
+import signal
 import sys
 import time
 import traceback
@@ -30,6 +33,8 @@ from pipeline.progress import say as say
 
 USER_ERROR = 2
 FAILURE = 1
+FOLLOW_PARENT = "PIPELINE_FOLLOW_PARENT"
+"""Set by the front door: a stage ends with what started it, so that a killed run leaves nothing behind."""
 
 
 @dataclass(frozen=True)
@@ -43,16 +48,18 @@ class Context:
     scratch: Path
     """Survives a kill and is removed after success: checkpoints. Emptied when the stage's key changes."""
     metrics: dict[str, Any] = field(default_factory=dict)
-    """Figures for the manifest (JSON values); ``metrics["warnings"]``, a list of sentences, reaches the user."""
+    """Figures for the manifest (JSON values); ``metrics["warnings"]``, a list of sentences, is shown."""
 
 
 def execute(name: str, main: Callable[[Context], None]) -> None:
     """Run a stage from the command line and end the process: status 0, 2 for an InputError, 1 for a fault.
 
-    What main, or a library under it, prints goes to logs/<name>.log; progress goes to the caller's standard output. A
-    failure leaves its one-line reason in stages/<name>.error.
+    What main, or a library under it, prints goes to logs/<name>.log; progress goes to the caller's standard
+    output. A failure leaves its one-line reason in stages/<name>.error.
     """
     arguments = _parse(sys.argv[1:])
+    if FOLLOW_PARENT in os.environ:
+        die_with_parent()
     run = Path.cwd()
     failed = run / "stages" / f"{name}.error"
     status, reason = 0, ""
@@ -122,16 +129,18 @@ def _run(name: str, main: Callable[[Context], None], run: Path, arguments: argpa
         if not path.is_file() or path.stat().st_size == 0:
             raise RuntimeError(f"stage {name} wrote no {label} ({outputs[label]})")
     seconds = time.monotonic() - began
+    source, versions = provenance.code(f"pipeline.stages.{name}")
     entry = {
         "stage": name,
         "key": key,
+        "source": source,
         "options": options,
         "inputs": {label: {"path": str(path), "sha256": hashes[label]} for label, path in inputs.items()},
         "outputs": {
             label: {"path": str(path), "sha256": files.file_sha256(context.outputs[label])}
             for label, path in outputs.items()
         },
-        "versions": provenance.code(f"pipeline.stages.{name}")[1],
+        "versions": versions,
         "seed": job.seed,
         "threads": int(os.environ.get("OMP_NUM_THREADS") or 0),
         "seconds": round(seconds, 3),
@@ -184,7 +193,7 @@ def _scratch(folder: Path, key: str) -> Path:
 
 @contextmanager
 def _diverted_output(log: Path) -> Iterator[None]:
-    """Send what anything prints, native libraries included, to the log; progress keeps the former standard output."""
+    """Send what anything prints, native libraries included, to the log; progress keeps the old output."""
     log.parent.mkdir(parents=True, exist_ok=True)
     sys.stdout.flush()
     sys.stderr.flush()
@@ -207,6 +216,12 @@ def _diverted_output(log: Path) -> Iterator[None]:
                 os.close(former)
 
 
+def die_with_parent() -> None:
+    """Ask the kernel to kill this process when its parent ends (Linux; elsewhere nothing happens)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+
+
 def _peak_memory_mb() -> float:
     """Return the largest resident size so far, of this process or of one it started [MiB]."""
     unit = 1024 if sys.platform == "darwin" else 1  # bytes there, KiB elsewhere
@@ -225,12 +240,8 @@ def _one_line(error: BaseException) -> str:
 def _parse(arguments: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="One stage; `make run` calls this through Snakemake.")
     parser.add_argument("--job", type=Path, required=True, help="the resolved job")
-    parser.add_argument(
-        "--input", type=_named_path, action="extend", nargs="*", default=[], metavar="NAME=PATH"
-    )
-    parser.add_argument(
-        "--output", type=_named_path, action="extend", nargs="*", default=[], metavar="NAME=PATH"
-    )
+    parser.add_argument("--input", type=_named_path, action="append", default=[], metavar="NAME=PATH")
+    parser.add_argument("--output", type=_named_path, action="append", default=[], metavar="NAME=PATH")
     return parser.parse_args(arguments)
 
 

@@ -1,0 +1,36 @@
+"""The chain of stages, as the Snakefile has it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+SNAKEFILE = Path(__file__).with_name("Snakefile")
+
+
+@dataclass(frozen=True)
+class Link:
+    """One stage of the chain; paths are relative to the run's folder."""
+
+    stage: str
+    inputs: dict[str, str]
+    outputs: dict[str, str]
+
+
+def snakemake_config(run: Path, bundle: Path) -> dict[str, str]:
+    """Return what the Snakefile is told of a run (which need not exist yet) and its bundle."""
+    return {"run": str(run.resolve()), "bundle": str(bundle.resolve())}
+
+
+def read_chain(run: Path, bundle: Path) -> list[Link]:
+    """Return the stages of a run, each after those it depends on."""
+    # Snakemake takes a second to import: only who asks for the chain pays.
+    from snakemake.api import ConfigSettings, OutputSettings, ResourceSettings, SnakemakeApi
+
+    with SnakemakeApi(OutputSettings(dryrun=True)) as api:
+        config = ConfigSettings(config=snakemake_config(run, bundle))
+        rules = api.workflow(ResourceSettings(), config, snakefile=SNAKEFILE)._workflow.rules
+        links = []
+        for rule in rules:
+            outputs = {name: str(path) for name, path in rule.output.items()}
+            if outputs.pop("entry", None):
+                links.append(Link(rule.name, {name: str(path) for name, path in rule.input.items()}, outputs))
+    return links

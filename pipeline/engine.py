@@ -1,0 +1,263 @@
+"""Runs a job: decides what has to run, has Snakemake run it, and says in one line what went wrong.
+
+Snakemake orders the stages and hands them to this machine or to a cluster. What it lacks is here: a lock that
+ends with its holder, a second run that costs no start of Snakemake, and errors for the user.
+"""
+
+import contextlib
+import fcntl
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from types import FrameType
+
+from pipeline import job as jobs
+from pipeline import provenance
+from pipeline.chain import SNAKEFILE, read_chain, snakemake_config
+from pipeline.diffusion.bundle import Bundle, open_bundle
+from pipeline.errors import InputError
+from pipeline.estimate import Cost, available_memory_mb, estimate
+from pipeline.files import refusal, write_text
+from pipeline.job import Job
+from pipeline.plan import Step, make_plan
+from pipeline.progress import duration, say
+from pipeline.stage import FOLLOW_PARENT, die_with_parent
+
+PROFILES = Path(__file__).with_name("profiles")
+RESULTS = ("asset.glb", "report.html")
+ENOUGH_DISK = 200 * 2**20
+"""A run of the default model takes about 50 MB [bytes]."""
+
+
+class StageFailure(Exception):
+    """A fault of the program, not of the input: one line for the user, exit status 1."""
+
+
+def plan_run(job: Job, out: Path) -> list[tuple[Step, Cost]]:
+    """Return what `run_job` would do, and what each stage would cost. Writes nothing.
+
+    Raises:
+        InputError: the bundle cannot work.
+    """
+    run, folder = out / jobs.run_name(job), jobs.bundle_folder(job.model)
+    bundle = open_bundle(folder)
+    return _priced(job, bundle, make_plan(job, run, read_chain(run, folder)))
+
+
+def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
+    """Make a job's asset under `out` and return the run's folder.
+
+    Raises:
+        InputError: something the user can mend; nothing that was there is lost.
+        StageFailure: a stage failed for another reason; the text names the log.
+    """
+    folder = jobs.bundle_folder(job.model)
+    run = out / jobs.run_name(job)
+    with _user_view_of_os_errors(), _locked(run) as lock:
+        _point_latest(run)
+        steps = _plan_unless_broken(job, run, folder)
+        if steps and all(step.verdict == "unchanged" for step in steps):
+            say(f"nothing to do: every file of {run} is as it was made")
+            return run
+        bundle = open_bundle(folder)
+        steps = steps or make_plan(job, run, read_chain(run, folder))
+        _check_room(run, _priced(job, bundle, steps))
+        write_text(run / "job.yaml", jobs.to_yaml(job))
+        for failed in (run / "stages").glob("*.error"):
+            failed.unlink()
+        status = _snakemake(
+            run,
+            folder,
+            [step.stage for step in steps if step.verdict != "unchanged"],
+            threads,
+            _profile(profile),
+            lock,
+        )
+        if status:
+            raise _failure(run, status)
+        missing = [name for name in RESULTS if not (run / name).is_file()]
+        if missing:
+            raise StageFailure(f"the chain ended without {', '.join(missing)}; see {run}/logs/snakemake.log")
+    return run
+
+
+def environment(threads: int, base: Mapping[str, str]) -> dict[str, str]:
+    """Return the environment of the stages: what could change their results does not come from the caller."""
+    pools = (
+        "OMP_NUM_THREADS",
+        "OPENBLAS_NUM_THREADS",
+        "MKL_NUM_THREADS",
+        "NUMBA_NUM_THREADS",
+        "NUMEXPR_NUM_THREADS",
+    )
+    path = os.pathsep.join(filter(None, [str(provenance.ROOT), base.get("PYTHONPATH", "")]))
+    return {
+        **base,
+        **dict.fromkeys(pools, str(threads)),
+        "PYTHONPATH": path,
+        "PYTHONHASHSEED": "0",
+        FOLLOW_PARENT: "1",
+    }
+
+
+def _plan_unless_broken(job: Job, run: Path, bundle: Path) -> list[Step]:
+    """Return the plan, or nothing where a file of the bundle is missing: the bundle's own check names it better."""
+    with contextlib.suppress(FileNotFoundError):
+        return make_plan(job, run, read_chain(run, bundle))
+    return []
+
+
+def _priced(job: Job, bundle: Bundle, steps: list[Step]) -> list[tuple[Step, Cost]]:
+    weights = sum(file.stat().st_size for file in (bundle.path / "unet").rglob("*")) / 2**20
+    return [(step, estimate(step.stage, job, bundle.latent_size, weights)) for step in steps]
+
+
+def _check_room(run: Path, priced: list[tuple[Step, Cost]]) -> None:
+    """Refuse to start on a full disk; say how long it will take, and when memory will be short."""
+    free = shutil.disk_usage(run).free
+    if free < ENOUGH_DISK:
+        needed = ENOUGH_DISK >> 20
+        raise InputError(
+            f"{run} has {free >> 20} MB of disk left, a run needs {needed} MB: free some, or say OUT="
+        )
+    costs = [cost for step, cost in priced if step.verdict == "run"]
+    if not costs:
+        return
+    say(f"making {run}, about {duration(sum(cost.seconds for cost in costs))}")
+    memory, available = max(cost.memory_mb for cost in costs), available_memory_mb()
+    if available is not None and memory > available:
+        say(
+            f"warning: about {memory:.0f} MB of memory are needed, {available:.0f} MB are free: "
+            "close other programs, or lower QUALITY"
+        )
+
+
+def _snakemake(run: Path, bundle: Path, stages: list[str], threads: int, profile: Path, lock: int) -> int:
+    """Have Snakemake run the stages named and those after them; return its exit status."""
+    config = [f"{name}={value}" for name, value in snakemake_config(run, bundle).items()]
+    command = [
+        sys.executable,
+        "-m",
+        "snakemake",
+        "--snakefile",
+        str(SNAKEFILE),
+        "--directory",
+        str(run),
+        "--profile",
+        str(profile),
+        "--quiet",
+        "all",
+        "--rerun-triggers",
+        "mtime",
+        "--rerun-incomplete",
+        "--keep-incomplete",
+        "--nolock",
+        "--forcerun",
+        *stages,
+        "--config",
+        *config,
+    ]
+    (run / "logs").mkdir(exist_ok=True)
+    with (run / "logs" / "snakemake.log").open("w", encoding="utf-8") as log:
+        # A stage's progress is its standard output; the rest is Snakemake's and goes to the log.
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=sys.stderr,
+            stderr=log,
+            pass_fds=[lock],
+            env=environment(threads, os.environ),
+            preexec_fn=die_with_parent,
+        )
+        with _termination_as_interrupt():
+            try:
+                return process.wait()
+            finally:
+                process.kill()
+                process.wait()
+
+
+def _failure(run: Path, status: int) -> InputError | StageFailure:
+    """Return the reason that a stage left, or the best guess where it could leave none."""
+    for path in sorted((run / "stages").glob("*.error"), key=os.path.getmtime):
+        code, _, reason = path.read_text(encoding="utf-8").strip().partition(" ")
+        return InputError(reason) if code == "2" else StageFailure(reason)
+    if shutil.disk_usage(run).free < 2**20:
+        return InputError(
+            f"{run}: no space is left on the device: free some, then give the same command again"
+        )
+    return StageFailure(
+        f"a stage ended without a word (killed, or out of memory); see {run}/logs/, then give the same "
+        "command again: it goes on where it stopped"
+    )
+
+
+@contextlib.contextmanager
+def _locked(run: Path) -> Iterator[int]:
+    """Hold the run's folder for this process alone. The kernel drops the lock when its holders end, however."""
+    run.mkdir(parents=True, exist_ok=True)
+    descriptor = os.open(run / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            holder = os.read(descriptor, 20).decode(errors="replace").strip()
+            raise InputError(
+                f"{run} is being made by another run (process {holder or 'unknown'}): wait for it to end, "
+                "or stop it, then give the same command again"
+            ) from None
+        os.ftruncate(descriptor, 0)
+        os.pwrite(descriptor, str(os.getpid()).encode(), 0)
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def _point_latest(run: Path) -> None:
+    """Make `latest` beside the run point to it."""
+    latest = run.parent / "latest"
+    if latest.is_symlink() or not latest.exists():
+        beside = run.parent / f".latest{os.getpid()}"
+        beside.symlink_to(run.name)
+        os.replace(beside, latest)
+
+
+def _profile(name: str) -> Path:
+    known = sorted(path.name for path in PROFILES.iterdir())
+    folder = PROFILES / name if name in known else Path(name)
+    if not (folder / "config.yaml").is_file():
+        raise InputError(
+            f"PROFILE {name!r} does not exist; there are: {', '.join(known)}, or a folder with config.yaml"
+        )
+    return folder.resolve()
+
+
+@contextlib.contextmanager
+def _user_view_of_os_errors() -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        if refused := refusal(error):
+            raise refused from None
+        raise
+
+
+@contextlib.contextmanager
+def _termination_as_interrupt() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP unwind as Ctrl-C does, so that what was started is stopped."""
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    former: dict[signal.Signals, Callable[[int, FrameType | None], object] | int | None] = {}
+    try:
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            former[number] = signal.signal(number, interrupt)
+        yield
+    finally:
+        for number, handler in former.items():
+            signal.signal(number, handler)
