@@ -63,7 +63,10 @@ def write_configs(
         config = unet if name == "unet" else vae if name.startswith("vae") else {}
         write_json(folder / name / "config.json", {"_class_name": GRAPH_CLASSES[name], **config})
     components = {name: ["diffusers", "OnnxRuntimeModel"] for name in graphs}
-    components |= {"tokenizer": ["transformers", "CLIPTokenizer"], "scheduler": ["diffusers", "DDIMScheduler"]}
+    components |= {
+        "tokenizer": ["transformers", "CLIPTokenizer"],
+        "scheduler": ["diffusers", "DDIMScheduler"],
+    }
     write_json(folder / "model_index.json", {"_class_name": "OnnxStableDiffusionPipeline", **components})
 
 
@@ -89,21 +92,34 @@ def train_tokenizer(folder: Path, captions: Iterable[str], *, vocabulary_size: i
     write_tokenizer(folder, merges[: vocabulary_size - 514], max_length=max_length)
 
 
-def write_tokenizer(folder: Path, merges: Iterable[tuple[str, str]], *, max_length: int, pad: str = END) -> None:
+def write_tokenizer(
+    folder: Path, merges: Iterable[tuple[str, str]], *, max_length: int, pad: str = END
+) -> None:
     """Write vocab.json, merges.txt and the two configs for `merges`, ids in CLIP's order.
 
     CLIP's order: the 256 bytes, the same at the end of a word, one token a merge, begin, end.
     """
     merges = list(merges)
     alphabet = bytes_alphabet()
-    tokens = [*alphabet, *(byte + "</w>" for byte in alphabet), *("".join(pair) for pair in merges), BEGIN, END]
+    tokens = [
+        *alphabet,
+        *(byte + "</w>" for byte in alphabet),
+        *("".join(pair) for pair in merges),
+        BEGIN,
+        END,
+    ]
     tokens = list(dict.fromkeys(tokens))
     write_json(folder / "vocab.json", {token: index for index, token in enumerate(tokens)})
     lines = ["#version: 0.2", *(" ".join(pair) for pair in merges)]
     (folder / "merges.txt").write_text("\n".join(lines) + "\n", "utf-8")
     special = {"bos_token": BEGIN, "eos_token": END, "unk_token": END, "pad_token": pad}
     write_json(folder / "special_tokens_map.json", special)
-    config = {"tokenizer_class": "CLIPTokenizer", "model_max_length": max_length, "do_lower_case": True, **special}
+    config = {
+        "tokenizer_class": "CLIPTokenizer",
+        "model_max_length": max_length,
+        "do_lower_case": True,
+        **special,
+    }
     write_json(folder / "tokenizer_config.json", config)
 
 

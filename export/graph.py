@@ -17,12 +17,10 @@ import copy
 import io
 import logging
 import os
-import shutil
 import tempfile
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import onnx_ir as ir
@@ -143,8 +141,7 @@ def _drop_notes(model: ir.Model) -> None:
 
 def _save(model: ir.Model, folder: Path) -> None:
     size = sum(value.const_value.nbytes for value in model.graph.initializers.values() if value.const_value)
-    external = {"external_data": "model.onnx_data"} if size > EXTERNAL_BYTES else {}
-    ir.save(model, folder / "model.onnx", **external)
+    ir.save(model, folder / "model.onnx", external_data="model.onnx_data" if size > EXTERNAL_BYTES else None)
 
 
 def _largest_difference(
@@ -160,7 +157,9 @@ def _largest_difference(
     for name, reference in zip(outputs, expected, strict=True):
         reference = reference.numpy()
         if found[name].shape != reference.shape:
-            raise ValueError(f"{folder.name}: {name} has shape {found[name].shape}, torch gives {reference.shape}")
+            raise ValueError(
+                f"{folder.name}: {name} has shape {found[name].shape}, torch gives {reference.shape}"
+            )
         differences.append(float(np.abs(found[name] - reference).max() / max(1.0, np.abs(reference).max())))
     return float(np.max(differences))
 

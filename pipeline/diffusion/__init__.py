@@ -1,1 +1,1 @@
-"""The diffusion model as plain callables: bundle files, sessions, tokenizer, noise schedule, score distillation."""
+"""The diffusion model: bundle files, sessions, tokenizer, prompts, noise schedule, score distillation."""

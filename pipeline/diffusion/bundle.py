@@ -14,10 +14,12 @@ import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pipeline.diffusion.onnx_file import OnnxFile, check_external, read_onnx
 from pipeline.errors import InputError
+
+T = TypeVar("T")
 
 STABLE_DIFFUSION_SCALE = 0.18215
 STABLE_DIFFUSION_LATENTS = 64
@@ -25,7 +27,15 @@ VIEW_PROMPTS = ("paper", "eight")
 REQUIRED_GRAPHS = ("text_encoder", "unet", "vae_decoder")
 OPTIONAL_GRAPHS = ("vae_encoder", "vae_encoder_vjp")
 # onnxruntime's transformer optimiser writes these for CUDA and ROCm; no CPU kernel exists.
-GPU_ONLY = {"GroupNorm", "SkipGroupNorm", "NhwcConv", "BiasSplitGelu", "BiasAdd", "NhwcFusedConv", "PackedAttention"}
+GPU_ONLY = {
+    "GroupNorm",
+    "SkipGroupNorm",
+    "NhwcConv",
+    "BiasSplitGelu",
+    "BiasAdd",
+    "NhwcFusedConv",
+    "PackedAttention",
+}
 STANDARD_DOMAINS = {"", "ai.onnx", "ai.onnx.ml", "com.microsoft", "com.microsoft.nchwc", "ai.onnx.training"}
 
 
@@ -88,7 +98,9 @@ def _is_listed(folder: Path, graph: str, files: dict[str, str]) -> bool:
 def _check_relative(folder: Path, relative: str) -> None:
     path = Path(relative)
     if path.is_absolute() or ".." in path.parts:
-        raise InputError(f"{folder / 'bundle.json'}: lists the file {relative!r}, expected a path inside the bundle")
+        raise InputError(
+            f"{folder / 'bundle.json'}: lists the file {relative!r}, expected a path inside the bundle"
+        )
 
 
 def _verify_checksums(folder: Path, files: dict[str, str]) -> None:
@@ -98,8 +110,8 @@ def _verify_checksums(folder: Path, files: dict[str, str]) -> None:
             raise InputError(f"{path}: missing, listed in bundle.json; copy the bundle again")
         if sha256_of(path) != expected:
             raise InputError(
-                f"{path}: {path.stat().st_size} bytes that differ from the checksum in bundle.json (truncated or "
-                "changed); copy the bundle again"
+                f"{path}: {path.stat().st_size} bytes that differ from the checksum in bundle.json "
+                "(truncated or changed); copy the bundle again"
             )
 
 
@@ -116,10 +128,16 @@ def read_json(path: Path) -> dict[str, Any]:
     try:
         value = json.loads(path.read_text("utf-8"))
     except (ValueError, RecursionError) as error:
-        found = "0 bytes" if path.stat().st_size == 0 else f"no valid JSON ({str(error).splitlines()[0][:120]})"
-        raise InputError(f"{path}: {found}, expected a JSON object; copy or export the bundle again") from None
+        found = (
+            "0 bytes" if path.stat().st_size == 0 else f"no valid JSON ({str(error).splitlines()[0][:120]})"
+        )
+        raise InputError(
+            f"{path}: {found}, expected a JSON object; copy or export the bundle again"
+        ) from None
     if not isinstance(value, dict):
-        raise InputError(f"{path}: a JSON {type(value).__name__}, expected an object; copy or export the bundle again")
+        raise InputError(
+            f"{path}: a JSON {type(value).__name__}, expected an object; copy or export the bundle again"
+        )
     return value
 
 
@@ -131,21 +149,23 @@ def check_graph(folder: Path) -> OnnxFile:
     """
     path = folder / "model.onnx"
     if not path.is_file():
-        raise InputError(f"{path}: missing, expected the ONNX graph of {folder.name}; copy or export the bundle again")
+        raise InputError(
+            f"{path}: missing, expected the ONNX graph of {folder.name}; copy or export the bundle again"
+        )
     model = read_onnx(path)
     check_external(model)
     gpu = sorted(name for domain, name in model.operators if domain == "com.microsoft" and name in GPU_ONLY)
     if gpu:
         raise InputError(
-            f"{path}: optimised for a GPU (operators {', '.join(gpu)}), expected plain ONNX; export the checkpoint again "
-            "without onnxruntime's GPU optimisation"
+            f"{path}: optimised for a GPU (operators {', '.join(gpu)}), expected plain ONNX; export the "
+            "checkpoint again without onnxruntime's GPU optimisation"
         )
     foreign = {pair for pair in model.operators - model.functions if pair[0] not in STANDARD_DOMAINS}
     if foreign:
         names = ", ".join(sorted(f"{domain}::{name}" for domain, name in foreign)[:5])
         raise InputError(
-            f"{path}: uses the custom operator(s) {names}, expected standard ones; custom code is never loaded, "
-            "export the model without it"
+            f"{path}: uses the custom operator(s) {names}, expected standard ones; custom code is "
+            "never loaded, export the model without it"
         )
     return model
 
@@ -155,7 +175,9 @@ def _check_tokenizer(folder: Path) -> None:
     for name in ("vocab.json", "merges.txt"):
         path = folder / name
         if not path.is_file() and not whole.is_file():
-            raise InputError(f"{path}: missing, expected the tokenizer's {path.stem}; copy or export the bundle again")
+            raise InputError(
+                f"{path}: missing, expected the tokenizer's {path.stem}; copy or export the bundle again"
+            )
         if path.is_file() and path.stat().st_size == 0:
             raise InputError(f"{path}: 0 bytes, expected the tokenizer's {path.stem}; copy the bundle again")
 
@@ -166,22 +188,24 @@ def graph_config(folder: Path) -> dict[str, Any]:
 
 
 def graph_scale(folder: Path) -> float:
-    """Return the latent scale of a VAE folder: `scaling_factor` of its config.json, else Stable Diffusion's."""
+    """Return the latent scale of a VAE folder: config.json's `scaling_factor`, else Stable Diffusion's."""
     return _field(folder, graph_config(folder), "scaling_factor", float, STABLE_DIFFUSION_SCALE)
 
 
 def latent_size(unet_folder: Path) -> int:
-    """Return the side of the latents the network was trained at: `sample_size` of its config.json, else 64."""
+    """Return the side of the latents the network was trained at: config.json's `sample_size`, else 64."""
     return _field(unet_folder, graph_config(unet_folder), "sample_size", int, STABLE_DIFFUSION_LATENTS)
 
 
-def _field(place: Path, values: dict[str, Any], key: str, kind: type, default: Any) -> Any:
+def _field(place: Path, values: dict[str, Any], key: str, kind: type[T], default: T) -> T:
+    """Return values[key] (default where absent) as a `kind`; numbers must be positive, below a million."""
     value = values.get(key, default)
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+    if kind is float and type(value) is int:
         value = float(value)
-    if not isinstance(value, kind) or (kind in (int, float) and not 0 < value < 1e6):
-        raise InputError(f"{place}: {key} is {value!r}, expected a {'positive ' if kind in (int, float) else ''}"
-                         f"{kind.__name__}; correct it or export the bundle again")
+    is_number = kind in (int, float)
+    if type(value) is not kind or (is_number and not 0 < value < 1e6):
+        wanted = f"positive {kind.__name__}" if is_number else kind.__name__
+        raise InputError(f"{place}: {key} is {value!r}, expected a {wanted}; correct it or export again")
     return value
 
 
@@ -191,10 +215,14 @@ def _describe(folder: Path, described: dict[str, Any], files: dict[str, str], gr
     blocks = graph_config(folder / "vae_decoder").get("block_out_channels", [0] * 4)
     scale = graph_scale(folder / "vae_decoder")
     if (said := _field(place, described, "latent_scale", float, scale)) != scale:
-        raise InputError(f"{place}: latent_scale is {said}, vae_decoder/config.json says {scale}; make them agree")
+        raise InputError(
+            f"{place}: latent_scale is {said}, vae_decoder/config.json says {scale}; make them agree"
+        )
     view_prompts = _field(place, described, "view_prompts", str, "paper")
     if view_prompts not in VIEW_PROMPTS:
-        raise InputError(f"{place}: view_prompts is {view_prompts!r}, expected one of {', '.join(VIEW_PROMPTS)}")
+        raise InputError(
+            f"{place}: view_prompts is {view_prompts!r}, expected one of {', '.join(VIEW_PROMPTS)}"
+        )
     matrix, bias = described.get("latent_to_rgb"), described.get("latent_to_rgb_bias")
     words = described.get("known_words")
     return Bundle(

@@ -115,7 +115,9 @@ def _port(data: mmap.mmap, span: _Span) -> Port:
 
 
 def _axis(data: mmap.mmap, span: _Span) -> int | None:
-    return next((value for number, value in _fields(data, span) if number == 1 and isinstance(value, int)), None)
+    return next(
+        (value for number, value in _fields(data, span) if number == 1 and isinstance(value, int)), None
+    )
 
 
 def _external(data: mmap.mmap, span: _Span) -> External | None:
@@ -131,18 +133,23 @@ def _external(data: mmap.mmap, span: _Span) -> External | None:
             location = value
     if location != 1:
         return None
-    offset, length = (int(entries[key]) if entries.get(key, "").isdigit() else 0 for key in ("offset", "length"))
+    offset, length = (
+        int(entries[key]) if entries.get(key, "").isdigit() else 0 for key in ("offset", "length")
+    )
     return External(name, entries.get("location", ""), offset, length)
 
 
 def _name_and_domain(data: mmap.mmap, span: _Span, name_field: int, domain_field: int) -> tuple[str, str]:
-    texts = {key: _text(data, part) for key, part in _fields(data, span)
-             if key in (name_field, domain_field) and isinstance(part, tuple)}
+    texts = {
+        key: _text(data, part)
+        for key, part in _fields(data, span)
+        if key in (name_field, domain_field) and isinstance(part, tuple)
+    }
     return texts.get(domain_field, ""), texts.get(name_field, "")
 
 
 def _read_graph(data: mmap.mmap, span: _Span, found: OnnxFile) -> None:
-    initializers = set()
+    initializers: set[str] = set()
     for number, value in _fields(data, span):
         if not isinstance(value, tuple):
             continue
@@ -170,10 +177,12 @@ def read_onnx(path: Path) -> OnnxFile:
     head = path.open("rb").read(512)
     if head.startswith(b"version https://git-lfs"):
         raise InputError(
-            f"{path}: a Git LFS pointer of {size} bytes, expected an ONNX model; run `git lfs pull` in its repository"
+            f"{path}: a Git LFS pointer, expected an ONNX model; run `git lfs pull` in its repository"
         )
     if head.lstrip().lower().startswith((b"<!doctype", b"<html")):
-        raise InputError(f"{path}: a web page, expected an ONNX model; download the file itself, not its page")
+        raise InputError(
+            f"{path}: a web page, expected an ONNX model; download the file itself, not its page"
+        )
     found = OnnxFile(path)
     graphs = 0
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
@@ -189,12 +198,14 @@ def read_onnx(path: Path) -> OnnxFile:
                 f"{path}: {size} bytes that break off or are no ONNX model; copy or export the file again"
             ) from None
     if graphs != 1 or not found.outputs:
-        raise InputError(f"{path}: no ONNX graph with outputs found in {size} bytes; copy or export the file again")
+        raise InputError(
+            f"{path}: no ONNX graph with outputs found in {size} bytes; copy or export the file again"
+        )
     return found
 
 
 def check_external(model: OnnxFile) -> None:
-    """Raise InputError when a file of external weights is missing, too short, or outside the model's folder."""
+    """Raise InputError when a file of external weights is missing, short, or outside the folder."""
     folder = model.path.parent
     seen: dict[str, int] = {}
     for item in model.external:
@@ -203,15 +214,19 @@ def check_external(model: OnnxFile) -> None:
         relative = Path(location)
         if not location or relative.is_absolute() or ".." in relative.parts:
             raise InputError(
-                f"{model.path}: its weights are said to be in {location!r}, expected a file name inside its own "
-                "folder; export the model again"
+                f"{model.path}: its weights are said to be in {location!r}, expected a file name inside "
+                "its own folder; export the model again"
             )
         data = folder / relative
         if not data.is_file():
-            raise InputError(f"{data}: missing, expected {needed} bytes of weights of {model.path.name}; copy it too")
+            raise InputError(
+                f"{data}: missing, expected {needed} bytes of weights of {model.path.name}; copy it too"
+            )
         if not data.resolve().is_relative_to(folder.resolve()):
-            raise InputError(f"{data}: a link that leads out of its folder, which is refused; put the file itself there")
+            raise InputError(
+                f"{data}: a link that leads out of its folder, which is refused; put the file itself there"
+            )
         if (size := data.stat().st_size) < needed:
             raise InputError(
-                f"{data}: {size} bytes, expected at least {needed} ({model.path.name} needs them); copy it again"
+                f"{data}: {size} bytes, expected at least {needed} for {model.path.name}; copy it again"
             )

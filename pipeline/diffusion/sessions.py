@@ -59,7 +59,9 @@ class Graph:
         options.intra_op_num_threads = _threads() if threads is None else threads
         # Without this, onnxruntime's idle threads spin and take the cores from torch and numba.
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-        options.log_severity_level = 4  # faults arrive as exceptions; its log would repeat them on the terminal
+        options.log_severity_level = (
+            4  # faults arrive as exceptions; its log would repeat them on the terminal
+        )
         onnxruntime.set_seed(0)  # a VAE encoder that samples in the graph must repeat itself
         self.path = path
         try:
@@ -84,7 +86,7 @@ class Graph:
         return len(self.inputs[name].shape) if name in self.inputs else None
 
     def run(self, feeds: dict[str, Array]) -> dict[str, Array]:
-        """Run once. Feeds that the graph lacks are dropped; raises InputError for what it needs and did not get."""
+        """Run once, dropping feeds that the graph lacks. Raises InputError for an input without a feed."""
         if missing := [name for name in self.inputs if name not in feeds]:
             raise InputError(
                 f"{self.path}: wants the input(s) {', '.join(missing)}, this program has {', '.join(feeds)}; "
@@ -97,22 +99,26 @@ class Graph:
     def _cast(self, name: str, value: Array) -> Array:
         port = self.inputs[name]
         if port.type not in _DTYPES:
-            raise InputError(f"{self.path}: input {name} is {port.type}, expected one of {', '.join(_DTYPES)}")
+            raise InputError(
+                f"{self.path}: input {name} is {port.type}, expected one of {', '.join(_DTYPES)}"
+            )
         if not np.isfinite(value).all():
-            raise FloatingPointError(f"{self.path}: the input {name} holds NaN or infinity before the network runs")
-        value = np.ascontiguousarray(value, _DTYPES[port.type])
+            raise FloatingPointError(
+                f"{self.path}: the input {name} holds NaN or infinity before the network runs"
+            )
+        value = np.asarray(value, _DTYPES[port.type], order="C")
         if value.ndim != len(port.shape):
             raise InputError(f"{self.path}: input {name} has {len(port.shape)} axes, expected {value.ndim}")
         for axis, (found, wanted) in enumerate(zip(value.shape, port.shape, strict=True)):
             if isinstance(wanted, int) and wanted > 0 and wanted != found:
                 raise InputError(
-                    f"{self.path}: input {name} is fixed to {wanted} on axis {axis}, this run has {found}; use that "
-                    "size, or export the model with a free one"
+                    f"{self.path}: input {name} is fixed to {wanted} on axis {axis}, this run has {found}; use "
+                    "that size, or export the model with a free one"
                 )
         return value
 
     def pick(self, outputs: dict[str, Array], names: tuple[str, ...], rank: int, when: str = "") -> Array:
-        """Return the output with one of `names` (or the only one of that rank), checked to be finite and sane."""
+        """Return the output with one of `names`, or the only one of that rank, checked to be sane."""
         name = next((name for name in names if name in outputs), None)
         if name is None:
             fitting = [name for name, value in outputs.items() if value.ndim == rank]
@@ -127,8 +133,8 @@ class Graph:
         if not largest < LARGEST_OUTPUT:  # NaN compares false
             what = f"values up to {largest:.1e}" if np.isfinite(largest) else "NaN or infinity"
             raise InputError(
-                f"{self.path}: the output {name} holds {what}{when}, expected finite values below {LARGEST_OUTPUT:.0e}; "
-                "the weights are damaged or overflow in half precision: copy or export the model again"
+                f"{self.path}: the output {name} holds {what}{when}, expected finite values below "
+                f"{LARGEST_OUTPUT:.0e}; the weights are damaged or overflow fp16: copy or export the model again"
             )
         return value
 
@@ -141,21 +147,25 @@ def _threads() -> int:
 
 
 def explain_load_error(message: str) -> str:
-    """Return one line in plain words for what onnxruntime says when it cannot load a model."""
-    operator = re.search(r"(?:for|op_type:?|Op:?)\s*[\"']?([A-Z]\w+)(?:\(|[\"' ]|$)", message)
-    if "external" in message.lower() and ("escapes" in message or "outside" in message or "absolute" in message):
-        return "its external weights lie outside its folder, which is refused; put the weights beside the .onnx file"
-    if "is not a registered" in message or "NOT_IMPLEMENTED" in message or "No Op registered" in message:
-        name = operator.group(1) if operator else "one"
-        return f"needs the operator {name}, which the CPU provider lacks; export it without provider-specific fusions"
-    if "opset" in message and "support" in message:
-        return "made for a newer ONNX operator set than this onnxruntime knows; export at opset 20 or update onnxruntime"
-    if "NO_SUCHFILE" in message or "file_size" in message or "external" in message.lower():
-        return "a file of its weights is missing or too short; copy the whole folder again"
-    if "INVALID_PROTOBUF" in message or "Protobuf parsing failed" in message:
-        return "not an ONNX model, or truncated; copy or export the file again"
-    first = re.sub(r"^\[ONNXRuntimeError\] : \d+ : \w+ : ", "", message.strip().splitlines()[0])[:300]
-    return f"does not load: {first}"
+    """Return in plain words, one line, what onnxruntime says when it cannot load a model."""
+    operator = re.search(
+        r"No Op registered for (\w+)|(\S+)\(-?\d+\) is not a registered|implementation for (\w+)", message
+    )
+    if operator:
+        name = next(group for group in operator.groups() if group)
+        return (
+            f"needs the operator {name}, which onnxruntime's CPU provider lacks; export it with standard ones"
+        )
+    if "Opset" in message or "IR version" in message:
+        return "newer than this onnxruntime understands; export it at opset 20, or update onnxruntime"
+    if "external" in message.lower():
+        return (
+            "its external weights are missing, too short or outside its folder; copy the whole folder again"
+        )
+    if "Protobuf parsing failed" in message or "raw_data size" in message:
+        return "damaged or no ONNX model; copy or export the file again"
+    reason = " ".join(re.sub(r"^.*?(failed:|: )", "", message, count=1).split())
+    return f"onnxruntime cannot load it ({reason[:300]}); export the model again"
 
 
 @contextmanager
@@ -194,30 +204,30 @@ def denoiser(folder: Path, threads: int | None = None) -> Iterator[Denoise]:
     """
     with open_graph(folder, threads) as graph:
         one_timestep = graph.rank("timestep") == 0 or graph.axis("timestep", 0) == 1
-        block = graph.axis("sample", 0)
+        fixed = graph.axis("sample", 0)
 
         def call(sample: Array, timesteps: Array, text: Array) -> Array:
-            count = len(sample)
-            if block is not None and count < block:  # a fixed batch: fill up with copies, drop them after
-                fill = np.minimum(np.arange(block), count - 1)
-                sample, timesteps, text = sample[fill], timesteps[fill], text[fill]
-            shape = {0: (), 1: (1,) if one_timestep else (len(timesteps),)}.get(graph.rank("timestep") or 0, ())
-            timestep = timesteps[0].reshape(shape) if one_timestep else timesteps
-            outputs = graph.run({"sample": sample, "timestep": timestep, "encoder_hidden_states": text})
-            when = f" at timestep {', '.join(str(t) for t in np.unique(timesteps))}"
-            return graph.pick(outputs, ("out_sample", "sample", "noise_pred"), 4, when)[:count]
+            rows = np.arange(len(sample))
+            if fixed is not None:  # fill a fixed batch up with copies, drop them after
+                rows = np.minimum(np.arange(fixed), len(sample) - 1)
+            timestep = timesteps[rows]
+            if one_timestep:
+                timestep = timestep[0] if graph.rank("timestep") == 0 else timestep[:1]
+            feeds = {"sample": sample[rows], "timestep": timestep, "encoder_hidden_states": text[rows]}
+            when = f" at timestep {', '.join(map(str, np.unique(timesteps)))}"
+            return graph.pick(graph.run(feeds), ("out_sample", "sample"), 4, when)[: len(sample)]
 
         def denoise(
             sample: Float[Array, "b c h w"], timesteps: Int[Array, " b"], text: Float[Array, "b l d"]
         ) -> Float[Array, "b c h w"]:
+            groups = [np.arange(len(sample))]
+            if one_timestep:
+                groups = [np.flatnonzero(timesteps == t) for t in np.unique(timesteps)]
+            size = fixed or len(sample)
+            blocks = [rows[start : start + size] for rows in groups for start in range(0, len(rows), size)]
             result = np.empty(sample.shape, np.float32)
-            groups = [np.flatnonzero(timesteps == t) for t in np.unique(timesteps)] if one_timestep else [
-                np.arange(len(sample))
-            ]
-            for group in groups:
-                for start in range(0, len(group), block or len(group)):
-                    rows = group[start : start + (block or len(group))]
-                    result[rows] = call(sample[rows], timesteps[rows], text[rows])
+            for rows in blocks:
+                result[rows] = call(sample[rows], timesteps[rows], text[rows])
             return result
 
         yield denoise

@@ -82,13 +82,23 @@ def load_tokenizer(folder: Path) -> ClipTokenizer:
     special = {name: vocabulary.get(name) for name in (BEGIN, END)}
     for name, index in special.items():
         if index is None:
-            raise InputError(f"{place}: lacks the token {name}, expected CLIP's vocabulary; export the bundle again")
+            raise InputError(
+                f"{place}: lacks the token {name}, expected CLIP's vocabulary; export the bundle again"
+            )
     try:
-        model = models.BPE(vocab=vocabulary, merges=merges, unk_token=END, end_of_word_suffix="</w>",
-                           continuing_subword_prefix="", fuse_unk=False)
+        model = models.BPE(
+            vocab=vocabulary,
+            merges=merges,
+            unk_token=END,
+            end_of_word_suffix="</w>",
+            continuing_subword_prefix="",
+            fuse_unk=False,
+        )
     except Exception as error:  # the package raises nothing more precise
-        raise InputError(f"{folder / 'merges.txt'}: does not belong to the vocabulary ({str(error)[:120]}); "
-                         "copy the bundle again") from None
+        raise InputError(
+            f"{folder / 'merges.txt'}: does not belong to the vocabulary ({str(error)[:120]}); "
+            "copy the bundle again"
+        ) from None
     engine = Tokenizer(model)
     engine.normalizer, engine.pre_tokenizer = split_words()
     engine.add_special_tokens([AddedToken(name, normalized=False, special=True) for name in (BEGIN, END)])
@@ -97,16 +107,23 @@ def load_tokenizer(folder: Path) -> ClipTokenizer:
     length = int(length) if isinstance(length, (int, float)) and 3 <= length <= 4096 else CLIP_LENGTH
     pad = _pad_token(_optional_json(folder / "special_tokens_map.json")) or _pad_token(config) or END
     if pad not in vocabulary:
-        raise InputError(f"{folder}: the padding token {pad!r} is not in the vocabulary; copy the bundle again")
+        raise InputError(
+            f"{folder}: the padding token {pad!r} is not in the vocabulary; copy the bundle again"
+        )
     return ClipTokenizer(engine, vocabulary[BEGIN], vocabulary[END], vocabulary[pad], length)
 
 
 def split_words() -> tuple[normalizers.Normalizer, pre_tokenizers.PreTokenizer]:
     """Return CLIP's normaliser and its splitter into words."""
-    normalizer = normalizers.Sequence([normalizers.NFC(), normalizers.Replace(Regex(r"\s+"), " "),
-                                       normalizers.Lowercase()])
-    splitter = pre_tokenizers.Sequence([pre_tokenizers.Split(Regex(_WORDS), behavior="removed", invert=True),
-                                        pre_tokenizers.ByteLevel(add_prefix_space=False)])
+    normalizer = normalizers.Sequence(
+        [normalizers.NFC(), normalizers.Replace(Regex(r"\s+"), " "), normalizers.Lowercase()]
+    )
+    splitter = pre_tokenizers.Sequence(
+        [
+            pre_tokenizers.Split(Regex(_WORDS), behavior="removed", invert=True),
+            pre_tokenizers.ByteLevel(add_prefix_space=False),
+        ]
+    )
     return normalizer, splitter
 
 
@@ -131,7 +148,11 @@ def _read_vocabulary(folder: Path) -> tuple[dict[str, int], list[tuple[str, str]
         place = folder / "vocab.json"
         vocabulary = read_json(place)
         pairs = _read_merges(folder / "merges.txt")
-    if not isinstance(vocabulary, dict) or not vocabulary or not all(type(i) is int for i in vocabulary.values()):
+    if (
+        not isinstance(vocabulary, dict)
+        or not vocabulary
+        or not all(type(i) is int for i in vocabulary.values())
+    ):
         raise InputError(f"{place}: no vocabulary of tokens and numbers; copy or export the bundle again")
     merges = [(pair[0], pair[1]) for pair in pairs if len(pair) == 2]
     if len(merges) < len(pairs):
@@ -146,11 +167,16 @@ def _read_merges(path: Path) -> list[tuple[str, ...]]:
         lines = path.read_text("utf-8").split("\n")
     except UnicodeDecodeError:
         raise InputError(f"{path}: no UTF-8 text, expected a merge a line; copy the bundle again") from None
-    pairs = [(number, line.split(" ")) for number, line in enumerate(lines, 1)
-             if line.strip() and not (number == 1 and line.startswith("#"))]
+    pairs = [
+        (number, line.split(" "))
+        for number, line in enumerate(lines, 1)
+        if line.strip() and not (number == 1 and line.startswith("#"))
+    ]
     for number, pair in pairs:
         if len(pair) != 2:
-            raise InputError(f"{path}: line {number} is not a pair of tokens; copy or export the bundle again")
+            raise InputError(
+                f"{path}: line {number} is not a pair of tokens; copy or export the bundle again"
+            )
     return [tuple(pair) for _, pair in pairs]
 
 
@@ -165,5 +191,8 @@ def unknown_words(text: str, known: Collection[str] | None) -> list[str]:
     text = unicodedata.normalize("NFC", text).lower()
     found = re.findall(r"[^\W\d_]+(?:'[^\W\d_]+)?|[^\w\s]", text)
     words = [word for word in found if word[0].isalpha() or unicodedata.category(word[0]) == "So"]
-    forms = {word: {word, word.removesuffix("'s"), word.removesuffix("s"), word.removesuffix("es")} for word in words}
+    forms = {
+        word: {word, word.removesuffix("'s"), word.removesuffix("s"), word.removesuffix("es")}
+        for word in words
+    }
     return [word for word in dict.fromkeys(words) if not forms[word] & set(known)]
