@@ -1,0 +1,187 @@
+"""The latent radiance field: hash grid -> small ReLU network -> density and four latent channels.
+
+Letters: n points in [-1, 1]^3, k of them in one segment. Density [1 / scene unit] is
+    sharpening * exp(h0 + bias + blob * exp(-r^2 / (2 radius^2))),
+the blob centring the geometry (Metzer et al. 2022, Latent-NeRF, after DreamFusion); the latents have no activation.
+The gradient is written by hand: it follows the segments in which the renderer asked for samples, so that nothing
+is evaluated twice or concatenated, and the hash grid's gradient is accumulated in one place.
+"""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from pipeline.kernels import hashgrid as kernels
+from pipeline.kernels import parallel
+from pipeline.scene import hashgrid
+
+# Work is divided into blocks of points by `parallel`. A pool of torch's own would spin against its threads, and
+# sums would depend on their number.
+torch.set_num_threads(1)
+
+LATENT_CHANNELS = 4
+_HIDDEN = 64
+_BLOCK = 2048
+"""Points that go through the network together: what a block needs stays in the cache."""
+_MAX_EXPONENT = 15.0
+"""Log densities are clamped here, and their gradient too (torch-ngp's trunc_exp): exp(15) is 3e6."""
+
+
+_ENCODED_BLOCK = 4 * _BLOCK
+"""Points encoded together: many, because a level's table should stay in the cache while they pass."""
+
+
+class FieldShape(NamedTuple):
+    """What fixes the layout of a field's parameters and its density bias."""
+
+    levels: int = 16
+    coarsest: int = 16
+    finest: int = 512
+    table_log2: int = 16
+    blob_density: float = 5.0
+    """Height of the blob added to the log density at the centre."""
+    blob_radius: float = 0.2
+    """Standard deviation of the blob [scene units]."""
+    density_bias: float = 0.0
+    """Added to the log density everywhere; negative starts from empty space around the blob."""
+
+
+class Segment(NamedTuple):
+    """One evaluation of the field with what its gradient needs."""
+
+    points: Float[Tensor, "k 3"]
+    features: Float[Tensor, "k f"]
+    hidden1: Float[Tensor, "k h"]
+    hidden2: Float[Tensor, "k h"]
+    density: Float[Tensor, " k"]
+    latents: Float[Tensor, "k 4"]
+
+
+class LatentField(nn.Module):
+    """The trainable field. Parameters: `table` (e, 2), and weights and biases of three linear layers."""
+
+    def __init__(self, shape: FieldShape, rng: np.random.Generator) -> None:
+        """Initialise as the paper's code does: table U(-1e-4, 1e-4), layers U(-1, 1) / sqrt(fan in)."""
+        super().__init__()
+        self.shape = shape
+        self.grid = hashgrid.hash_grid(shape.levels, shape.coarsest, shape.finest, shape.table_log2)
+        self.sharpening = 1.0
+
+        def uniform(bound: float, *size: int) -> nn.Parameter:
+            return nn.Parameter(torch.from_numpy(rng.uniform(-bound, bound, size).astype(np.float32)))
+
+        self.table = uniform(1e-4, self.grid.entries, hashgrid.FEATURES)
+        widths = [self.grid.width, _HIDDEN, _HIDDEN, 1 + LATENT_CHANNELS]
+        bounds = [w**-0.5 for w in widths]
+        self.weight1, self.bias1 = uniform(bounds[0], widths[1], widths[0]), uniform(bounds[0], widths[1])
+        self.weight2, self.bias2 = uniform(bounds[1], widths[2], widths[1]), uniform(bounds[1], widths[2])
+        self.weight3, self.bias3 = uniform(bounds[2], widths[3], widths[2]), uniform(bounds[2], widths[3])
+
+    def evaluate(self, points: Float[Tensor, "k 3"]) -> Segment:
+        """Evaluate the field at `points` (float32, contiguous) without recording for autograd."""
+        count = len(points)
+        features = torch.empty(count, self.grid.width)
+        hidden1, hidden2 = torch.empty(2, count, _HIDDEN)
+        density, latents = torch.empty(count), torch.empty(count, LATENT_CHANNELS)
+        table, weight1, bias1, weight2, bias2, weight3, bias3 = (p.detach() for p in self.parameters())
+
+        def work(first: int, last: int) -> None:
+            for rows in _blocks(first, last, count):
+                torch.addmm(bias1, features[rows], weight1.T, out=hidden1[rows]).relu_()
+                torch.addmm(bias2, hidden1[rows], weight2.T, out=hidden2[rows]).relu_()
+                raw = torch.addmm(bias3, hidden2[rows], weight3.T)
+                logarithm = raw[:, 0] + self._bias(points[rows])
+                torch.exp(logarithm.clamp_(max=_MAX_EXPONENT), out=density[rows]).mul_(self.sharpening)
+                latents[rows] = raw[:, 1:]
+
+        levels = (points.numpy(), table.numpy(), *self.grid, features.numpy())
+        parallel.run(kernels.encode, count, *levels, block=_ENCODED_BLOCK)
+        parallel.run(work, -(-count // _BLOCK))
+        return Segment(points, features, hidden1, hidden2, density, latents)
+
+    def attach(self, segments: list[Segment]) -> tuple[Float[Tensor, " n"], Float[Tensor, "n 4"]]:
+        """Return density and latents of evaluated segments, in order, as differentiable by the parameters."""
+        parameters = dict(self.named_parameters()).values()
+        density, latents = _Attach.apply(self, segments, *parameters)
+        return density, latents
+
+    def _bias(self, points: Float[Tensor, "k 3"]) -> Float[Tensor, " k"]:
+        shape = self.shape
+        squared = points.square().sum(-1)
+        blob = torch.exp(squared * (-0.5 / shape.blob_radius**2))
+        return blob.mul_(shape.blob_density).add_(shape.density_bias)
+
+    def _accumulate(
+        self,
+        segment: Segment,
+        density_gradient: Float[Tensor, " k"],
+        latent_gradient: Float[Tensor, "k 4"],
+        gradients: dict[str, Tensor],
+    ) -> None:
+        """Add the segment's share to the parameter gradients (sums over blocks, in their order)."""
+        count = len(segment.points)
+        lowest = self.sharpening * float(np.exp(-_MAX_EXPONENT))
+        weight1, weight2, weight3 = self.weight1.detach(), self.weight2.detach(), self.weight3.detach()
+        layers = {n: g for n, g in gradients.items() if n != "table"}
+        shares = {n: torch.empty(-(-count // _BLOCK), *g.shape) for n, g in layers.items()}
+        feature_gradient = torch.empty(count, self.grid.width)
+
+        def work(first: int, last: int) -> None:
+            for block, rows in enumerate(_blocks(first, last, count), first):
+                share = {name: values[block] for name, values in shares.items()}
+                output = torch.empty(rows.stop - rows.start, 1 + LATENT_CHANNELS)
+                torch.mul(density_gradient[rows], segment.density[rows].clamp(min=lowest), out=output[:, 0])
+                output[:, 1:] = latent_gradient[rows]
+                torch.mm(output.T, segment.hidden2[rows], out=share["weight3"])
+                torch.sum(output, 0, out=share["bias3"])
+                hidden = _relu_gradient(output @ weight3, segment.hidden2[rows])
+                torch.mm(hidden.T, segment.hidden1[rows], out=share["weight2"])
+                torch.sum(hidden, 0, out=share["bias2"])
+                hidden = _relu_gradient(hidden @ weight2, segment.hidden1[rows])
+                torch.mm(hidden.T, segment.features[rows], out=share["weight1"])
+                torch.sum(hidden, 0, out=share["bias1"])
+                torch.mm(hidden, weight1, out=feature_gradient[rows])
+
+        parallel.run(work, -(-count // _BLOCK))
+        for name, gradient in layers.items():
+            gradient += shares[name].sum(0)
+        levels = (segment.points.numpy(), feature_gradient.numpy(), *self.grid, gradients["table"].numpy())
+        parallel.run(kernels.encode_backward, len(self.grid.resolutions), *levels)
+
+
+def _blocks(first: int, last: int, count: int) -> Iterator[slice]:
+    """Yield the rows of blocks `first` to `last` of `count` points."""
+    for block in range(first, last):
+        yield slice(block * _BLOCK, min((block + 1) * _BLOCK, count))
+
+
+def _relu_gradient(gradient: Float[Tensor, "k h"], output: Float[Tensor, "k h"]) -> Float[Tensor, "k h"]:
+    return torch.ops.aten.threshold_backward(gradient, output, 0)  # type: ignore[no-any-return]
+
+
+class _Attach(torch.autograd.Function):
+    """Joins evaluated segments into the autograd graph."""
+
+    @staticmethod
+    def forward(
+        ctx: Any, field: LatentField, segments: list[Segment], *parameters: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        ctx.field, ctx.segments = field, segments
+        if not segments:
+            return torch.zeros(0), torch.zeros(0, LATENT_CHANNELS)
+        return torch.cat([s.density for s in segments]), torch.cat([s.latents for s in segments])
+
+    @staticmethod
+    def backward(ctx: Any, *output_gradients: Tensor) -> tuple[Tensor | None, ...]:
+        density_gradient, latent_gradient = output_gradients
+        field: LatentField = ctx.field
+        gradients = {name: torch.zeros_like(p) for name, p in field.named_parameters()}
+        first = 0
+        for segment in ctx.segments:
+            rows = slice(first, first := first + len(segment.points))
+            field._accumulate(segment, density_gradient[rows], latent_gradient[rows], gradients)
+        return None, None, *gradients.values()

@@ -1,0 +1,205 @@
+"""One step of score distillation into a latent scene (Metzer et al. 2022, Latent-NeRF; DreamFusion's SDS).
+
+Letters: b cameras a step, h x w latent pixels (square). The guidance is a function that looks at rendered latents and
+says in which direction each should change; it returns that gradient, there is no loss behind it. The regularisers are
+losses; both go through one backward pass.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from pipeline.job import TrainNerf
+from pipeline.scene import occupancy
+from pipeline.scene.background import FlatBackground, LearnedBackground
+from pipeline.scene.cameras import Camera, sample_cameras
+from pipeline.scene.field import FieldShape, LatentField
+from pipeline.scene.rendering import behind, make_rays, render_rays
+from pipeline.scene.scene import Scene, density
+
+_ENTROPY_CLAMP = 1e-5
+
+
+class Batch(NamedTuple):
+    """What one step renders, and how it is to be judged."""
+
+    cameras: list[Camera]
+    azimuths: Float[np.ndarray, " b"]
+    """[rad], as in `cameras.orbit_camera`."""
+    polars: Float[np.ndarray, " b"]
+    """[rad]"""
+    backgrounds: Float[np.ndarray, "b 4"] | None
+    """Flat latents behind each view; None: the scene's own learned background."""
+    noise_levels: Float[np.ndarray, " b"]
+    """Timesteps as a share of the schedule, in [0, 1]."""
+    noise: Float[np.ndarray, "b 4 h w"]
+    guidance_scale: float
+
+
+Guidance = Callable[[Float[np.ndarray, "b 4 h w"], Batch], Float[np.ndarray, "b 4 h w"]]
+"""Rendered latents and their batch -> the gradient by those latents, summed over pixels, for each view."""
+
+
+@dataclass
+class State:
+    """Everything that a training run carries from step to step."""
+
+    scene: Scene
+    optimizer: torch.optim.Adam
+    rng: np.random.Generator
+    """The only source of random numbers."""
+    step: int = 0
+    """Steps done."""
+
+
+class Figures(NamedTuple):
+    """What a step tells of itself."""
+
+    gradient_norm: float
+    """Euclidean norm of the guidance's gradient by the latents of a view, root mean square over views."""
+    opacity: float
+    """Mean over all pixels."""
+    entropy: float
+    """Mean binary entropy of the pixels' opacities [nats]."""
+    samples: int
+    """Evaluations of the field."""
+    seconds: dict[str, float]
+    """Split: render, denoiser, backward, rest."""
+
+
+def initial_state(options: TrainNerf, backgrounds: Float[np.ndarray, "k 4"], seed: int) -> State:
+    """Return the state before the first step. `backgrounds` are the flat latents that views are drawn on."""
+    rng = np.random.default_rng(seed)
+    shape = FieldShape(
+        levels=options.grid_levels,
+        finest=options.grid_finest,
+        table_log2=options.grid_table_log2,
+        blob_density=options.blob_density,
+        blob_radius=options.blob_radius,
+        density_bias=options.density_bias,
+    )
+    field = LatentField(shape, rng)
+    learned = options.background == "learned"
+    background = LearnedBackground(rng) if learned else FlatBackground(backgrounds)
+    scene = Scene(field, occupancy.everywhere(), background, options.samples_per_ray)
+    return State(scene, make_optimizer(scene, options), rng)
+
+
+def make_optimizer(scene: Scene, options: TrainNerf) -> torch.optim.Adam:
+    """Return Adam with the paper's settings: a higher rate for the hash grid, whose entries see few gradients."""
+    networks = [p for p in scene.field.parameters() if p is not scene.field.table]
+    groups = [
+        {"params": [scene.field.table], "lr": options.grid_learning_rate},
+        {"params": [*networks, *scene.background.parameters()], "lr": options.learning_rate},
+    ]
+    return torch.optim.Adam(groups, betas=(0.9, 0.99), eps=1e-15, fused=True)
+
+
+def training_step(state: State, options: TrainNerf, resolution: int, guidance: Guidance) -> Figures:
+    """Render `options.cameras_per_step` views of `resolution`^2 latent pixels, ask the guidance, update the scene.
+
+    Raises:
+        FloatingPointError: a NaN or an infinity, named by tensor and step; the state is then not to be used.
+    """
+    clock = [time.perf_counter()]
+    scene, step = state.scene, state.step
+    progress = step / max(options.steps - 1, 1)
+    scene.field.sharpening = options.density_sharpening ** max(0.0, 2 * progress - 1)
+    if step % occupancy.REFRESH_EVERY == 0:
+        scene.occupancy = occupancy.refresh(
+            scene.occupancy, lambda x: density(scene, x), scene.step, state.rng
+        )
+    batch = draw_batch(options, progress, resolution, scene, state.rng)
+    rays = make_rays(batch.cameras, resolution, state.rng)
+    clock.append(time.perf_counter())
+
+    seen = render_rays(scene, rays)
+    opacity = -torch.expm1(seen.log_transmittance)
+    pixels = seen.latents + seen.log_transmittance.exp()[:, None] * behind(scene, rays, batch.backgrounds)
+    latents = pixels.reshape(-1, resolution, resolution, pixels.shape[1]).permute(0, 3, 1, 2)
+    require_finite("rendered latents", latents, step)
+    clock.append(time.perf_counter())
+
+    gradient = guidance(np.ascontiguousarray(latents.detach().numpy()), batch)
+    require_finite("guidance gradient", gradient, step)
+    clock.append(time.perf_counter())
+
+    entropy = binary_entropy(opacity).mean()
+    regulariser = options.sparsity_weight * entropy + options.opacity_weight * opacity.mean()
+    state.optimizer.zero_grad(set_to_none=True)
+    share = torch.from_numpy(gradient / np.float32(len(batch.cameras)))
+    torch.autograd.backward([latents, regulariser], [share, None])
+    clock.append(time.perf_counter())
+
+    parameters = {
+        f"{m}.{n}": p
+        for m, part in (("field", scene.field), ("background", scene.background))
+        for n, p in part.named_parameters()
+    }
+    for name, parameter in parameters.items():
+        require_finite(f"gradient of {name}", parameter.grad, step)
+    state.optimizer.step()
+    for name, parameter in parameters.items():
+        require_finite(name, parameter, step)
+    state.step += 1
+    clock.append(time.perf_counter())
+
+    before, render, denoiser, backward, after = np.diff(clock).tolist()
+    seconds = {"render": render, "denoiser": denoiser, "backward": backward, "rest": before + after}
+    norm = math.sqrt(float(np.square(gradient, dtype=np.float64).sum()) / len(gradient))
+    return Figures(norm, float(opacity.detach().mean()), float(entropy.detach()), seen.evaluated, seconds)
+
+
+def draw_batch(
+    options: TrainNerf, progress: float, resolution: int, scene: Scene, rng: np.random.Generator
+) -> Batch:
+    """Draw cameras, backgrounds, noise levels and noise of the step at `progress` in [0, 1] of the run.
+
+    Noise levels are stratified over the views (one in each of b equal parts of the range, in random order).
+    """
+    count = options.cameras_per_step
+    cameras, azimuths, polars = sample_cameras(
+        rng, count, options.radius, np.deg2rad(options.fov_degrees), np.deg2rad(options.polar_degrees)
+    )
+    backgrounds = None
+    if isinstance(scene.background, FlatBackground):
+        colours = scene.background.colours.numpy()
+        backgrounds = colours[rng.integers(len(colours), size=count)]
+    top = _ramp(options.timestep_max, options.timestep_max_end, progress)
+    strata = (rng.permutation(count) + rng.random(count)) / count
+    levels = options.timestep_min + (top - options.timestep_min) * strata
+    noise = rng.standard_normal((count, 4, resolution, resolution), np.float32)
+    scale = _ramp(options.guidance_scale, options.guidance_scale_end, progress)
+    return Batch(cameras, azimuths, polars, backgrounds, levels, noise, scale)
+
+
+def binary_entropy(opacity: Float[Tensor, " r"]) -> Float[Tensor, " r"]:
+    """Return -o log o - (1 - o) log(1 - o) [nats], `opacity` clamped to 1e-5 from both ends as in the paper's code."""
+    clamped = opacity.clamp(_ENTROPY_CLAMP, 1 - _ENTROPY_CLAMP)
+    return -clamped * clamped.log() - (1 - clamped) * torch.log1p(-clamped)
+
+
+def require_finite(name: str, values: Tensor | np.ndarray | None, step: int) -> None:
+    """Raise FloatingPointError with the tensor's name and the step if it holds a NaN or an infinity."""
+    if values is None:
+        return
+    tensor = values.detach() if isinstance(values, Tensor) else torch.from_numpy(values)
+    # A sum with a NaN or an infinity in it is not finite; one without can still overflow, so look again.
+    if math.isfinite(float(tensor.sum())):
+        return
+    bad = int((~torch.isfinite(tensor)).sum())
+    if bad:
+        raise FloatingPointError(
+            f"{name} holds {bad} NaN or infinite values of {tensor.numel()} at step {step}"
+        )
+
+
+def _ramp(start: float, end: float, progress: float) -> float:
+    return start + (end - start) * progress
