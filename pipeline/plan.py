@@ -5,6 +5,7 @@ from the keys alone. Where a stage will run, the contents of its outputs are not
 the keys of the stages after it.
 """
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -45,7 +46,7 @@ def make_plan(job: Job, run: Path, chain: list[Link]) -> list[Step]:
             steps.append(Step(link.stage, "run", f"after {', '.join(pending)}"))
             continue
         hashes = {
-            name: known[path] if path in known else path_sha256(run / path)
+            name: known[path] if path in known else path_sha256(_inside(run, path))
             for name, path in link.inputs.items()
         }
         options = jobs.stage_options(job, link.stage)
@@ -65,6 +66,11 @@ def make_plan(job: Job, run: Path, chain: list[Link]) -> list[Step]:
         assert entry is not None
         known |= {output["path"]: output["sha256"] for output in entry["outputs"].values()}
     return steps
+
+
+def _inside(run: Path, path: str) -> Path:
+    """Return a path relative to the run's folder, which need not exist, as an absolute one."""
+    return Path(os.path.normpath(run.resolve() / path))
 
 
 def _difference(

@@ -1,0 +1,50 @@
+# The front door. `make help` explains; everything else is in pipeline/.
+#
+# What a user writes is never executed: each variable below is taken as it stands (value), never expanded, and
+# reaches Python through the environment, so neither make nor the shell nor Snakemake reads it.
+USER_VARIABLES := PROMPT NEGATIVE MODEL SEED QUALITY JOB OUT THREADS PROFILE RUN SKETCH SIGMA_S MESH REFINE TOKEN
+$(foreach name,$(USER_VARIABLES),$(eval override $(name) := $$(value $(name))))
+export $(USER_VARIABLES)
+
+MAKEFLAGS += --no-print-directory
+.DEFAULT_GOAL := help
+.PHONY: help options run plan verify test clean-venv
+
+PYTHON ?= python3
+IN_VENV := .venv/bin/python
+
+help:
+	@cat pipeline/help.txt
+
+run: .venv/.runtime
+	@$(IN_VENV) -m pipeline run
+
+plan: .venv/.runtime
+	@$(IN_VENV) -m pipeline plan
+
+verify: .venv/.runtime
+	@$(IN_VENV) -m pipeline verify
+
+options: .venv/.runtime
+	@$(IN_VENV) -m pipeline options
+
+test: .venv/.dev
+	$(IN_VENV) -m ruff check .
+	$(IN_VENV) -m mypy
+	$(IN_VENV) -m pytest
+
+clean-venv:
+	rm -rf .venv
+
+# A stamp a set of packages: made again when pyproject.toml changes, and after an installation that did not end.
+.venv/.runtime: pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "error: $(PYTHON) is not Python 3.11 or newer: say PYTHON=python3.11" >&2; exit 2; }
+	@echo "installing into .venv (first use: a few minutes)" >&2
+	@test -x $(IN_VENV) || $(PYTHON) -m venv .venv
+	@$(IN_VENV) -m pip install --quiet --editable . >&2
+	@touch $@
+
+.venv/.dev: .venv/.runtime pyproject.toml
+	@$(IN_VENV) -m pip install --quiet --editable '.[dev,export]' >&2
+	@touch $@

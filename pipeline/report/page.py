@@ -1,0 +1,138 @@
+"""The page of a run: one HTML file that shows everything by itself; its links open the run's files."""
+
+import base64
+import html
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pipeline.progress import duration
+
+STYLE = """
+:root { color-scheme: light dark; --line: #8884; --dim: #888; }
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
+h1 { font-size: 1.6rem; margin: 0; overflow-wrap: anywhere; white-space: pre-wrap; }
+h2 { font-size: 1.1rem; margin: 2.5rem 0 .5rem; }
+.dim { color: var(--dim); }
+img, video { max-width: 100%; border-radius: 6px; background: #8881; display: block; margin: 1rem 0; }
+table { border-collapse: collapse; width: 100%; }
+td, th { border-bottom: 1px solid var(--line); padding: .25rem .6rem .25rem 0; text-align: left;
+         vertical-align: top; font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
+th { font-weight: 600; } td.n, th.n { text-align: right; }
+.warning { border-left: 4px solid #d80; padding: .3rem .8rem; margin: .5rem 0; background: #d801; }
+summary { cursor: pointer; } pre { overflow-x: auto; font-size: .85rem; }
+"""
+
+
+@dataclass(frozen=True)
+class Page:
+    """What the page shows; `entries` are the stages' entries in the order of the chain."""
+
+    prompt: str
+    negative: str
+    facts: dict[str, str]
+    """Model, seed, quality: short values by name."""
+    entries: list[dict[str, Any]]
+    preview_png: bytes
+    turntable_mp4: bytes
+    links: list[tuple[str, str, int]]
+    """Files of the run: path relative to the page, what it is, bytes."""
+    job_yaml: str
+
+
+def render(page: Page) -> str:
+    """Return the page as HTML. Every text in it is escaped: a prompt may hold anything."""
+    title = html.escape(page.prompt)
+    negative = f"<p class=dim>not: {html.escape(page.negative)}</p>" if page.negative else ""
+    facts = " · ".join(f"{html.escape(name)} {html.escape(value)}" for name, value in page.facts.items())
+    warnings = [warning for entry in page.entries for warning in entry["metrics"].get("warnings", ())]
+    parts = [
+        f"<header><h1>{title}</h1>{negative}<p class=dim>{facts}</p></header>",
+        *(f"<p class=warning>{html.escape(str(warning))}</p>" for warning in warnings),
+        f'<img alt="eight views and four normal maps" src="{_inline("image/png", page.preview_png)}">',
+        f'<video controls loop muted autoplay src="{_inline("video/mp4", page.turntable_mp4)}"></video>',
+        "<h2>Files</h2>",
+        _table(
+            ("file", "what it is", "size"),
+            [(_link(path), html.escape(what), _size(size)) for path, what, size in page.links],
+            numeric=frozenset({2}),
+        ),
+        "<h2>Stages</h2>",
+        _stages(page.entries),
+        "<h2>Figures</h2>",
+        *(_figures(entry) for entry in page.entries if set(entry["metrics"]) - {"warnings"}),
+        "<h2>Job</h2>",
+        f"<details><summary>every option</summary><pre>{html.escape(page.job_yaml)}</pre></details>",
+        "<h2>Versions</h2>",
+        f"<p>{html.escape(_versions(page.entries))}</p>",
+    ]
+    body = "\n".join(parts)
+    return (
+        f'<!doctype html>\n<html lang="en">\n<head><meta charset="utf-8"><title>{title}</title>'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{STYLE}</style></head>\n'
+        f"<body>\n{body}\n</body>\n</html>\n"
+    )
+
+
+def _stages(entries: list[dict[str, Any]]) -> str:
+    rows = [
+        (
+            html.escape(entry["stage"]),
+            f"{entry['seconds']:.1f}",
+            f"{entry['peak_memory_mb']:.0f}",
+            html.escape(entry.get("reused_from", "")),
+        )
+        for entry in entries
+    ]
+    total = sum(entry["seconds"] for entry in entries)
+    peak = max((entry["peak_memory_mb"] for entry in entries), default=0)
+    rows.append(("<b>together</b>", f"<b>{total:.1f}</b>", f"<b>{peak:.0f}</b>", duration(total)))
+    return _table(("stage", "seconds", "peak MB", ""), rows, numeric=frozenset({1, 2}))
+
+
+def _figures(entry: dict[str, Any]) -> str:
+    rows = [
+        (html.escape(name.replace("_", " ")), html.escape(_value(value)))
+        for name, value in entry["metrics"].items()
+        if name != "warnings"
+    ]
+    table = _table(("figure", "value"), rows)
+    return f"<details><summary>{html.escape(entry['stage'])}</summary>{table}</details>"
+
+
+def _table(
+    heads: tuple[str, ...], rows: Sequence[tuple[str, ...]], numeric: frozenset[int] = frozenset()
+) -> str:
+    def line(tag: str, cells: tuple[str, ...]) -> str:
+        marks = (" class=n" if column in numeric else "" for column in range(len(cells)))
+        return (
+            "<tr>"
+            + "".join(f"<{tag}{mark}>{cell}</{tag}>" for mark, cell in zip(marks, cells, strict=True))
+            + "</tr>"
+        )
+
+    return f"<table>{line('th', heads)}{''.join(line('td', row) for row in rows)}</table>"
+
+
+def _versions(entries: list[dict[str, Any]]) -> str:
+    versions = {name: version for entry in entries for name, version in entry["versions"].items()}
+    return ", ".join(f"{name} {version}" for name, version in sorted(versions.items()))
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
+
+def _size(size: int) -> str:
+    return f"{size / 1e6:.1f} MB" if size >= 1e5 else f"{size / 1e3:.1f} kB"
+
+
+def _link(path: str) -> str:
+    return f'<a href="{html.escape(path, quote=True)}">{html.escape(path)}</a>'
+
+
+def _inline(kind: str, content: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"

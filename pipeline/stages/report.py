@@ -1,0 +1,73 @@
+"""Stage `report`: what was made and how, for a person (report.html) and for a program (manifest.json)."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from pipeline.files import file_sha256
+from pipeline.job import stage_options, to_yaml
+from pipeline.report.page import Page, render
+from pipeline.stage import Context, execute
+
+FILES = {
+    "asset.glb": "the asset: mesh and texture in one file (glTF 2.0)",
+    "asset.obj": "the mesh for other programs",
+    "asset.mtl": "its material",
+    "albedo.png": "its texture",
+    "preview.png": "eight views and four normal maps",
+    "turntable.mp4": "one turn around the asset",
+    "job.yaml": "what was asked for, complete: JOB=job.yaml makes it again",
+    "manifest.json": "checksums, options, versions and figures of every stage",
+}
+
+
+def make_manifest(
+    job: dict[str, Any], entries: list[dict[str, Any]], files: dict[str, Path]
+) -> dict[str, Any]:
+    """Return the manifest: the job's short facts, every stage's entry, and size and sha256 of every file.
+
+    `files` maps names relative to the run's folder to where the bytes are now.
+    """
+    return {
+        "format": 1,
+        "job": job,
+        "seconds": round(sum(entry["seconds"] for entry in entries), 3),
+        "peak_memory_mb": max(entry["peak_memory_mb"] for entry in entries),
+        "stages": entries,
+        "files": {
+            name: {"bytes": path.stat().st_size, "sha256": file_sha256(path)}
+            for name, path in sorted(files.items())
+        },
+    }
+
+
+def main(context: Context) -> None:
+    inputs, outputs = context.inputs, context.outputs
+    preview, turntable = inputs["preview"], inputs["turntable"]
+    paths = {name: path for name, path in inputs.items() if path.suffix == ".json"}
+    entries = [json.loads(path.read_text(encoding="utf-8")) for path in paths.values()]
+    facts = stage_options(context.job, "report")
+
+    made = [Path(output["path"]) for entry in entries for output in entry["outputs"].values()]
+    files = {path.as_posix(): path for path in [Path("job.yaml"), *made, *paths.values()]}
+    page = Page(
+        prompt=facts["prompt"],
+        negative=facts["negative"],
+        facts={name: str(facts[name]) for name in ("model", "quality", "seed")},
+        entries=entries,
+        preview_png=preview.read_bytes(),
+        turntable_mp4=turntable.read_bytes(),
+        links=[
+            (name, what, files[name].stat().st_size if name in files else 0) for name, what in FILES.items()
+        ],
+        job_yaml=to_yaml(context.job),
+    )
+    outputs["report"].write_text(render(page), encoding="utf-8")
+    manifest = make_manifest(facts, entries, files | {outputs["report"].name: outputs["report"]})
+    outputs["manifest"].write_text(
+        json.dumps(manifest, indent=1, ensure_ascii=False) + "\n", encoding="utf-8"
+    )
+
+
+if __name__ == "__main__":
+    execute("report", main)
