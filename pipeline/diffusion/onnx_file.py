@@ -174,7 +174,8 @@ def read_onnx(path: Path) -> OnnxFile:
     size = path.stat().st_size
     if size == 0:
         raise InputError(f"{path}: 0 bytes, expected an ONNX model; copy the file again")
-    head = path.open("rb").read(512)
+    with path.open("rb") as file:
+        head = file.read(512)
     if head.startswith(b"version https://git-lfs"):
         raise InputError(
             f"{path}: a Git LFS pointer, expected an ONNX model; run `git lfs pull` in its repository"

@@ -112,8 +112,8 @@ class Graph:
         for axis, (found, wanted) in enumerate(zip(value.shape, port.shape, strict=True)):
             if isinstance(wanted, int) and wanted > 0 and wanted != found:
                 raise InputError(
-                    f"{self.path}: input {name} is fixed to {wanted} on axis {axis}, this run has {found}; use "
-                    "that size, or export the model with a free one"
+                    f"{self.path}: input {name} is fixed to {wanted} on axis {axis}, here it is {found}; "
+                    "use that size, or export the model with a free one"
                 )
         return value
 
@@ -134,7 +134,7 @@ class Graph:
             what = f"values up to {largest:.1e}" if np.isfinite(largest) else "NaN or infinity"
             raise InputError(
                 f"{self.path}: the output {name} holds {what}{when}, expected finite values below "
-                f"{LARGEST_OUTPUT:.0e}; the weights are damaged or overflow fp16: copy or export the model again"
+                f"{LARGEST_OUTPUT:.0e}; the weights are damaged or overflow fp16: copy or export them again"
             )
         return value
 
