@@ -26,6 +26,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from pipeline.diffusion.bundle import check_graph, graph_scale
+from pipeline.diffusion.onnx_file import OnnxFile
 from pipeline.errors import InputError
 
 Array: TypeAlias = np.ndarray
@@ -51,8 +52,10 @@ LARGEST_OUTPUT = 1e6
 class Graph:
     """One open ONNX graph: `run` casts named feeds to its signature and returns named float32 outputs."""
 
-    def __init__(self, path: Path, threads: int | None = None) -> None:
+    def __init__(self, outline: OnnxFile, threads: int | None = None) -> None:
         import onnxruntime
+
+        path = outline.path
 
         options = onnxruntime.SessionOptions()
         options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_ALL
@@ -71,46 +74,47 @@ class Graph:
         except Exception as error:
             # onnxruntime's exceptions share no base class but Exception.
             raise InputError(f"{path}: {explain_load_error(str(error))}") from error
-        self.inputs = {port.name: port for port in self.session.get_inputs()}
+        # onnxruntime's shapes do not tell a scalar from an input of unknown rank; the file does.
+        self.shapes = {name: port.shape for name, port in outline.inputs.items()}
+        self.types = {port.name: port.type for port in self.session.get_inputs()}
         self.outputs = [port.name for port in self.session.get_outputs()]
 
     def axis(self, name: str, axis: int) -> int | None:
         """Return the size that the graph fixes for an axis of an input, None where any size will do."""
-        if name not in self.inputs or axis >= len(self.inputs[name].shape):
-            return None
-        size = self.inputs[name].shape[axis]
-        return size if isinstance(size, int) and size > 0 else None
+        shape = self.shapes.get(name) or ()
+        return shape[axis] if axis < len(shape) else None
 
     def rank(self, name: str) -> int | None:
-        """Return the number of axes of an input, None when the graph lacks it."""
-        return len(self.inputs[name].shape) if name in self.inputs else None
+        """Return the number of axes of an input, None when the graph lacks it or takes any number."""
+        shape = self.shapes.get(name)
+        return None if shape is None else len(shape)
 
     def run(self, feeds: dict[str, Array]) -> dict[str, Array]:
         """Run once, dropping feeds that the graph lacks. Raises InputError for an input without a feed."""
-        if missing := [name for name in self.inputs if name not in feeds]:
+        if missing := [name for name in self.types if name not in feeds]:
             raise InputError(
                 f"{self.path}: wants the input(s) {', '.join(missing)}, this program has {', '.join(feeds)}; "
                 "export the model with the usual inputs"
             )
-        cast = {name: self._cast(name, feeds[name]) for name in self.inputs}
+        cast = {name: self._cast(name, feeds[name]) for name in self.types}
         values = self.session.run(self.outputs, cast)
         return {name: np.asarray(value, np.float32) for name, value in zip(self.outputs, values, strict=True)}
 
     def _cast(self, name: str, value: Array) -> Array:
-        port = self.inputs[name]
-        if port.type not in _DTYPES:
-            raise InputError(
-                f"{self.path}: input {name} is {port.type}, expected one of {', '.join(_DTYPES)}"
-            )
+        kind, shape = self.types[name], self.shapes.get(name)
+        if kind not in _DTYPES:
+            raise InputError(f"{self.path}: input {name} is {kind}, expected one of {', '.join(_DTYPES)}")
         if not np.isfinite(value).all():
             raise FloatingPointError(
                 f"{self.path}: the input {name} holds NaN or infinity before the network runs"
             )
-        value = np.asarray(value, _DTYPES[port.type], order="C")
-        if value.ndim != len(port.shape):
-            raise InputError(f"{self.path}: input {name} has {len(port.shape)} axes, expected {value.ndim}")
-        for axis, (found, wanted) in enumerate(zip(value.shape, port.shape, strict=True)):
-            if isinstance(wanted, int) and wanted > 0 and wanted != found:
+        value = np.asarray(value, _DTYPES[kind], order="C")
+        if shape is None:
+            return value
+        if value.ndim != len(shape):
+            raise InputError(f"{self.path}: input {name} has {len(shape)} axes, expected {value.ndim}")
+        for axis, (found, wanted) in enumerate(zip(value.shape, shape, strict=True)):
+            if wanted is not None and wanted != found:
                 raise InputError(
                     f"{self.path}: input {name} is fixed to {wanted} on axis {axis}, here it is {found}; "
                     "use that size, or export the model with a free one"
@@ -164,7 +168,9 @@ def explain_load_error(message: str) -> str:
         )
     if "Protobuf parsing failed" in message or "raw_data size" in message:
         return "damaged or no ONNX model; copy or export the file again"
-    reason = " ".join(re.sub(r"^.*?(failed:|: )", "", message, count=1).split())
+    reason = " ".join(
+        re.sub(r"^.*?failed:|^\[ONNXRuntimeError\] : \d+ : \w+ : ", "", message, count=1).split()
+    )
     return f"onnxruntime cannot load it ({reason[:300]}); export the model again"
 
 
@@ -175,8 +181,7 @@ def open_graph(folder: Path, threads: int | None = None) -> Iterator[Graph]:
     `threads`: intra-op threads; None is every core this process may use. Raises InputError with the
     file's name when it is missing, damaged or not loadable.
     """
-    check_graph(folder)
-    graph = Graph(folder / "model.onnx", threads)
+    graph = Graph(check_graph(folder), threads)
     try:
         yield graph
     finally:
