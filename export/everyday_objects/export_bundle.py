@@ -1,0 +1,202 @@
+"""Export the trained networks as a bundle in Optimum's layout: `python -m export.everyday_objects.export_bundle WORK`.
+
+Weights are stored in fp16 and computed in fp32; every graph is run and compared with torch before it is installed.
+"""
+
+import argparse
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from export.bundle_files import write_bundle_json, write_configs
+from export.everyday_objects.autoencoder import FACTOR, LATENT_CHANNELS, Decoder, Encoder
+from export.everyday_objects.captions import known_words
+from export.everyday_objects.dataset import FOV_RANGE, IMAGE_SIZE, RADIUS_RANGE, split_entries
+from export.everyday_objects.denoiser import Denoiser
+from export.everyday_objects.nouns import NOUNS
+from export.everyday_objects.text_encoder import MAX_TOKENS, WIDTH, TextEncoder
+from export.everyday_objects.train_autoencoder import held_out_psnr, to_batch
+from export.everyday_objects.train_denoiser import BETAS, TIMESTEPS
+from export.graph import export_graph
+from pipeline.diffusion.tokenizer import load_tokenizer
+
+NAME = "everyday-objects"
+# How score distillation is best run with this model; keys of pipeline.job.TrainNerf.
+DISTILLATION = {
+    "radius": list(RADIUS_RANGE),
+    "fov_degrees": list(FOV_RANGE),
+    "polar_degrees": [40.0, 105.0],
+}
+
+
+class EncoderGraph(nn.Module):
+    """Optimum's vae_encoder: pictures in [-1, 1] to mean and log-variance (b, 8, h, w)."""
+
+    def __init__(self, encoder: Encoder) -> None:
+        super().__init__()
+        self.encoder = encoder
+
+    def forward(self, sample: Tensor) -> Tensor:
+        """Encode; the log-variance is that of an encoder without noise."""
+        mean = self.encoder(sample * 0.5 + 0.5)
+        return torch.cat([mean, torch.full_like(mean, -30.0)], dim=1)
+
+
+class DecoderGraph(nn.Module):
+    """Optimum's vae_decoder: latents to pictures in [-1, 1]."""
+
+    def __init__(self, decoder: Decoder) -> None:
+        super().__init__()
+        self.decoder = decoder
+
+    def forward(self, latent_sample: Tensor) -> Tensor:
+        """Decode."""
+        return self.decoder(latent_sample) * 2 - 1
+
+
+def fit_latent_to_rgb(latents: np.ndarray, images: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Least squares from latents (n, 4, h, w) to area-averaged colours: (3, 4) matrix, (3,) bias, and R^2.
+
+    images: (n, FACTOR h, FACTOR w, 3) uint8. The map goes to RGB in [-1, 1], as in the paper's equation.
+    """
+    n, _, h, w = latents.shape
+    pixels = images.reshape(n, h, FACTOR, w, FACTOR, 3).mean((2, 4)).reshape(-1, 3) / 127.5 - 1
+    points = latents.transpose(0, 2, 3, 1).reshape(-1, LATENT_CHANNELS).astype(np.float64)
+    design = np.concatenate([points, np.ones((len(points), 1))], axis=1)
+    solution, *_ = np.linalg.lstsq(design, pixels, rcond=None)
+    residual = pixels - design @ solution
+    r2 = 1 - residual.var(0).sum() / pixels.var(0).sum()
+    return solution[:4].T, solution[4], float(r2)
+
+
+def load_networks(work: Path) -> tuple[Encoder, Decoder, Denoiser, TextEncoder]:
+    """The trained networks, the averaged weights where there is an average."""
+    encoder, decoder = Encoder(), Decoder()
+    saved = torch.load(work / "autoencoder.pt", weights_only=True)
+    encoder.load_state_dict(saved["encoder"])
+    decoder.load_state_dict(saved["decoder"])
+    average = torch.load(work / "denoiser.pt", weights_only=True)
+    text_encoder = TextEncoder(load_tokenizer(work / "tokenizer").engine.get_vocab_size())
+    denoiser = Denoiser()
+    for name, network in (("text_encoder", text_encoder), ("denoiser", denoiser)):
+        network.load_state_dict(
+            {k[len(name) + 1 :]: v for k, v in average.items() if k.startswith(name + ".")}
+        )
+    return encoder.eval(), decoder.eval(), denoiser.eval(), text_encoder.eval()
+
+
+def export_graphs(folder: Path, networks: tuple[Encoder, Decoder, Denoiser, TextEncoder]) -> dict[str, float]:
+    """Write the four graphs; return the largest difference from torch of each."""
+    encoder, decoder, denoiser, text_encoder = networks
+    generator = torch.Generator().manual_seed(0)
+    size = IMAGE_SIZE // FACTOR
+
+    def latents(count: int, side: int) -> Tensor:
+        return torch.randn(count, LATENT_CHANNELS, side, side, generator=generator)
+
+    def unet_inputs(count: int) -> dict[str, Tensor]:
+        steps = torch.randint(0, TIMESTEPS, (count,), generator=generator)
+        text = torch.randn(count, MAX_TOKENS, WIDTH, generator=generator)
+        return {"sample": latents(count, size), "timestep": steps, "encoder_hidden_states": text}
+
+    def pictures(side: int) -> dict[str, Tensor]:
+        return {"sample": torch.rand(2, 3, side, side, generator=generator) * 2 - 1}
+
+    ids = torch.randint(0, text_encoder.tokens.num_embeddings, (2, MAX_TOKENS), generator=generator)
+    plane = {0: "batch", 2: "height", 3: "width"}
+    return {
+        "text_encoder": export_graph(
+            text_encoder, {"input_ids": ids}, ["last_hidden_state"], folder / "text_encoder",
+            dynamic_axes={"input_ids": {0: "batch"}}, half_weights=True,
+        ),
+        "unet": export_graph(
+            denoiser, unet_inputs(2), ["out_sample"], folder / "unet",
+            dynamic_axes={"sample": {0: "batch"}, "timestep": {0: "batch"}, "encoder_hidden_states": {0: "batch"}},
+            check_inputs=[unet_inputs(8)], half_weights=True,
+        ),
+        "vae_decoder": export_graph(
+            DecoderGraph(decoder), {"latent_sample": latents(2, size)}, ["sample"], folder / "vae_decoder",
+            dynamic_axes={"latent_sample": plane}, check_inputs=[{"latent_sample": latents(2, 2 * size)}],
+            half_weights=True,
+        ),
+        "vae_encoder": export_graph(
+            EncoderGraph(encoder), pictures(IMAGE_SIZE), ["latent_parameters"], folder / "vae_encoder",
+            dynamic_axes={"sample": {0: "batch"}}, half_weights=True,
+        ),
+    }  # fmt: skip
+
+
+def export_bundle(work: Path, folder: Path) -> None:
+    """Export everything to `folder`, bundle.json last."""
+    folder.mkdir(parents=True, exist_ok=True)
+    networks = load_networks(work)
+    differences = export_graphs(folder, networks)
+    for name, difference in differences.items():
+        print(f"{name}: largest difference from torch {difference:.1e}")
+    shutil.rmtree(folder / "tokenizer", ignore_errors=True)
+    shutil.copytree(work / "tokenizer", folder / "tokenizer")
+    size = IMAGE_SIZE // FACTOR
+    write_configs(
+        folder, latent_size=size, latent_channels=LATENT_CHANNELS, latent_scale=1.0, downsampling=FACTOR,
+        scheduler={"num_train_timesteps": TIMESTEPS, "beta_start": BETAS[0], "beta_end": BETAS[1],
+                   "beta_schedule": "scaled_linear", "prediction_type": "v_prediction", "steps_offset": 0,
+                   "clip_sample": False, "set_alpha_to_one": False},
+    )  # fmt: skip
+    images = np.load(work / "held_out" / "000.npy")
+    with torch.no_grad():
+        latents = networks[0](to_batch(images[:200])).numpy()
+    matrix, bias, r2 = fit_latent_to_rgb(latents, images[:200])
+    trained, held_out = split_entries(work)
+    write_bundle_json(
+        folder,
+        {
+            "name": NAME,
+            "image_size": IMAGE_SIZE,
+            "latent_size": size,
+            "latent_channels": LATENT_CHANNELS,
+            "latent_scale": 1.0,
+            "view_prompts": "eight",
+            "distillation": DISTILLATION,
+            "known_words": known_words(),
+            "nouns": [n.words[0] for n in NOUNS],
+            "latent_to_rgb": [[round(float(v), 6) for v in row] for row in matrix],
+            "latent_to_rgb_bias": [round(float(v), 6) for v in bias],
+            "latent_to_rgb_r2": round(r2, 4),
+            "reconstruction_psnr_held_out": round(held_out_psnr(networks[0], networks[1], work), 2),
+            "onnx_max_diff": {k: float(f"{v:.2e}") for k, v in differences.items()},
+            "training_steps": int(torch.load(work / "denoiser.state.pt", weights_only=True)["step"]),
+            "trained_on": {
+                "catalogue": "Debian package sweethome3d-furniture, rendered by export/everyday_objects",
+                "models": sum(map(len, trained.values())),
+                "procedural": "export/everyday_objects/procedural.py",
+                "held_out": sorted(e.key for entries in held_out.values() for e in entries),
+            },
+            "licences": {
+                "weights": "Apache-2.0",
+                "models": "CC0 1.0 (BlendSwap-CC-0) and CC-BY 3.0 (BlendSwap-CC-BY, KatorLegaz, Reallusion, Scopia)",
+            },
+        },
+    )
+    total = sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
+    print(
+        json.dumps(
+            {"folder": str(folder), "megabytes": round(total / 1e6, 1), "latent_to_rgb_r2": round(r2, 4)}
+        )
+    )
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("work", type=Path)
+    parser.add_argument("--folder", type=Path, default=Path("onnx_models") / NAME)
+    options = parser.parse_args()
+    export_bundle(options.work, options.folder)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,296 @@
+"""Objects of our own, in endless variations, where the catalogue is thin: each function returns a random one.
+
+Built from surfaces of revolution, boxes and ellipsoids with one flat colour a part; y up, front to +z.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from export.everyday_objects.captions import draw_colour
+from export.everyday_objects.catalogue import Model, fit
+
+Part = tuple[np.ndarray, np.ndarray, np.ndarray]  # vertices, faces, RGB
+
+
+def assemble(parts: list[Part]) -> Model:
+    """Join parts into one untextured model."""
+    starts = np.cumsum([0] + [len(p[0]) for p in parts])
+    vertices = fit(np.concatenate([p[0] for p in parts]))
+    return Model(
+        vertices,
+        np.concatenate([p[1] + s for p, s in zip(parts, starts, strict=False)]).astype(np.int32),
+        np.zeros((len(vertices), 2), np.float32),
+        np.repeat(np.arange(len(parts), dtype=np.int32), [len(p[1]) for p in parts]),
+        np.array([[*p[2], 1.0] for p in parts], np.float32),
+        np.zeros(len(parts), bool),
+        np.zeros((1, 1, 1, 4), np.uint8),
+        tuple(f"part{i}" for i in range(len(parts))),
+    )
+
+
+def grid_faces(rows: int, columns: int) -> np.ndarray:
+    """Triangles of a (rows, columns) vertex grid that closes around its columns."""
+    i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns), indexing="ij")
+    a, b = i * columns + j, i * columns + (j + 1) % columns
+    c, d = a + columns, b + columns
+    return np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([b, d, c], -1).reshape(-1, 3)])
+
+
+def lathe(
+    profile: list[tuple[float, float]], colour: np.ndarray, at=(0.0, 0.0, 0.0), sides: int = 40
+) -> Part:
+    """Turn a polyline of (radius, height) about the y axis."""
+    radius, height = np.asarray(profile, np.float64).T
+    angle = np.arange(sides) * 2 * np.pi / sides
+    x, z = np.outer(radius, np.sin(angle)), np.outer(radius, np.cos(angle))
+    y = np.repeat(height[:, None], sides, 1)
+    return np.stack([x, y, z], -1).reshape(-1, 3) + at, grid_faces(len(profile), sides), colour
+
+
+def ellipsoid(radii, colour: np.ndarray, at=(0.0, 0.0, 0.0), top: float = 0.0, bottom: float = np.pi) -> Part:
+    """An ellipsoid (or the zone of it between two polar angles)."""
+    t = np.linspace(top, bottom, 24)
+    vertices, faces, _ = lathe(list(zip(np.sin(t), np.cos(t), strict=True)), colour)
+    return vertices * np.asarray(radii) + at, faces, colour
+
+
+def box(size, colour: np.ndarray, at=(0.0, 0.0, 0.0)) -> Part:
+    """An axis-parallel box, `at` its centre."""
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
+             [1, 5, 7], [1, 7, 3]]  # fmt: skip
+    return corners * np.asarray(size) + at, np.array(faces), colour
+
+
+def torus(
+    major: float, minor: float, colour: np.ndarray, arc=(0.0, 2 * np.pi), at=(0.0, 0.0, 0.0), squash=1.0
+) -> Part:
+    """A ring about the y axis, or the arc of its tube between two angles of the tube."""
+    t = np.linspace(*arc, 28)
+    return lathe([(major + minor * np.cos(a), squash * minor * np.sin(a)) for a in t], colour, at, 56)
+
+
+def tilt(part: Part, axis: int, angle: float) -> Part:
+    """Turn a part about a coordinate axis through the origin."""
+    i, j = [k for k in range(3) if k != axis]
+    rotation = np.eye(3)
+    rotation[i, i] = rotation[j, j] = np.cos(angle)
+    rotation[i, j], rotation[j, i] = -np.sin(angle), np.sin(angle)
+    return part[0] @ rotation.T, part[1], part[2]
+
+
+def pick(rng: np.random.Generator, *names: str) -> np.ndarray:
+    """A random colour of one of these names."""
+    return draw_colour(rng, names[rng.integers(len(names))])
+
+
+BRIGHT = (
+    "red",
+    "orange",
+    "yellow",
+    "green",
+    "blue",
+    "purple",
+    "pink",
+    "brown",
+    "black",
+    "white",
+    "grey",
+    "beige",
+)
+
+
+def mushroom(rng: np.random.Generator) -> Model:
+    """A stem, a cap, and often white spots."""
+    cap, stem = pick(rng, "red", "red", "brown", *BRIGHT), pick(rng, "white", "beige")
+    h, r, w = rng.uniform(0.5, 0.9), rng.uniform(0.45, 0.7), rng.uniform(0.12, 0.2)
+    height = rng.uniform(0.3, 0.55)
+    parts = [
+        lathe([(w * 1.25, 0), (w, h * 0.4), (w * 0.85, h * 1.1)], stem),
+        ellipsoid((r, height, r), cap, (0, h, 0), 0, np.pi / 2),
+        lathe([(r, h), (w, h - 0.02)], stem),
+    ]
+    if rng.random() < 0.6:
+        for i in range(12):
+            a, p = i * 2.4 + rng.uniform(0, 0.5), rng.uniform(0.15, 1.3)
+            n = np.array([np.sin(p) * np.sin(a), np.cos(p), np.sin(p) * np.cos(a)])
+            parts.append(ellipsoid((0.07,) * 3, np.array([0.97, 0.97, 0.95]), n * (r, height, r) + (0, h, 0)))
+    return assemble(parts)
+
+
+def house(rng: np.random.Generator) -> Model:
+    """Walls of one colour, a gabled or hipped roof of another, a door and windows."""
+    wall, roof = pick(rng, *BRIGHT), pick(rng, "red", "brown", "grey", "black", "orange", "blue")
+    w, h, d, r = rng.uniform(0.8, 1.2), rng.uniform(0.5, 0.9), rng.uniform(0.7, 1.2), rng.uniform(0.3, 0.6)
+    over, hip = 0.08, rng.choice([0.0, 0.0, 0.25])
+    x, z = w / 2 + over, d / 2 + over
+    corners = np.array(
+        [[-x, h, -z], [x, h, -z], [x, h, z], [-x, h, z], [0, h + r, -z + hip], [0, h + r, z - hip]]
+    )
+    slopes = np.array(
+        [[0, 4, 5], [0, 5, 3], [1, 2, 5], [1, 5, 4], [3, 5, 2], [0, 1, 4], [0, 3, 2], [0, 2, 1]]
+    )
+    parts: list[Part] = [box((w, h, d), wall, (0, h / 2, 0))]
+    if hip == 0:
+        gable = np.array([[-w / 2, h, d / 2], [w / 2, h, d / 2], [0, h + r, d / 2], [-w / 2, h, -d / 2], [w / 2, h, -d / 2],
+                          [0, h + r, -d / 2]])  # fmt: skip
+        parts.append((gable, np.array([[0, 1, 2], [3, 5, 4]]), wall))
+        slopes = slopes[[0, 1, 2, 3]]
+    parts.append((corners, slopes, roof))
+    door = pick(rng, "brown", "red", "white", "black", "blue")
+    glass = pick(rng, "blue", "white", "black", "yellow")
+    parts.append(box((0.2, 0.36, 0.03), door, (0, 0.18, d / 2)))
+    for s in (-1, 1):
+        parts.append(box((0.2, 0.2, 0.03), glass, (s * w * 0.32, h * 0.6, d / 2)))
+        parts.append(box((0.2, 0.2, 0.03), glass, (s * w * 0.25, h * 0.6, -d / 2)))
+        parts.append(box((0.03, 0.2, 0.2), glass, (s * w / 2, h * 0.6, d * 0.22)))
+        parts.append(box((0.03, 0.2, 0.2), glass, (s * w / 2, h * 0.6, -d * 0.22)))
+    if rng.random() < 0.6:
+        parts.append(
+            box((0.14, 0.4, 0.14), pick(rng, "red", "brown", "grey"), (w * 0.25, h + r * 0.6, -d * 0.15))
+        )
+    return assemble(parts)
+
+
+def rocket(rng: np.random.Generator) -> Model:
+    """A body, a nose cone, fins, a window and a nozzle."""
+    body, trim = (
+        pick(rng, "white", "grey", *BRIGHT),
+        pick(rng, "red", "red", "blue", "orange", "yellow", "green"),
+    )
+    r, h, nose = rng.uniform(0.18, 0.28), rng.uniform(0.8, 1.1), rng.uniform(0.3, 0.5)
+    t = np.linspace(0, 1, 10)
+    parts = [
+        lathe([(r * 0.75, 0), (r, h * 0.35), (r * 0.98, h * 0.8), (r * 0.85, h)], body),
+        lathe([(r * 0.85 * np.sqrt(1 - v), h + nose * v) for v in t], trim),
+        lathe([(r * 0.45, 0.02), (r * 0.6, -0.12)], np.array([0.25, 0.25, 0.27])),
+        ellipsoid((0.09, 0.09, 0.04), pick(rng, "blue", "black"), (0, h * 0.7, r * 0.97)),
+    ]
+    for i in range(rng.choice([3, 4])):
+        a = np.pi / 4 + i * np.pi / 2
+        fin = np.array([[0, 0.4, r * 0.8], [0, -0.15, r + 0.28], [0, 0.1, r + 0.26], [0, 0.02, r * 0.6]])
+        fins = np.concatenate([fin + (0.02, 0, 0), fin - (0.02, 0, 0)])
+        sides = [
+            [0, 1, 2],
+            [0, 3, 1],
+            [4, 6, 5],
+            [4, 5, 7],
+            [0, 2, 6],
+            [0, 6, 4],
+            [2, 1, 5],
+            [2, 5, 6],
+            [1, 3, 7],
+            [1, 7, 5],
+        ]
+        parts.append(tilt((fins, np.array(sides), trim), 1, -a))
+    return assemble(parts)
+
+
+def donut(rng: np.random.Generator) -> Model:
+    """A ring of dough with icing and sprinkles."""
+    major, minor = 0.5, rng.uniform(0.19, 0.27)
+    icing = pick(rng, "pink", "pink", "brown", "white", *BRIGHT)
+    parts = [
+        torus(major, minor, np.array([0.82, 0.6, 0.34]) * rng.uniform(0.85, 1.1)),
+        torus(major, minor * 1.07, icing, (-0.15, np.pi + 0.15), (0, 0.01, 0)),
+    ]
+    for _ in range(int(rng.choice([0, 40]))):
+        a, b = rng.uniform(0, 2 * np.pi), rng.uniform(0.5, 2.6)
+        q = major + minor * 1.08 * np.cos(b)
+        at = (q * np.sin(a), minor * 1.08 * np.sin(b) + 0.01, q * np.cos(a))
+        parts.append(ellipsoid((0.025, 0.02, 0.025), pick(rng, *BRIGHT[:7], "white"), at))
+    return assemble(parts)
+
+
+def duck(rng: np.random.Generator) -> Model:
+    """A rubber duck."""
+    body, beak = pick(rng, "yellow", "yellow", *BRIGHT), pick(rng, "orange", "orange", "red")
+    s = rng.uniform(0.9, 1.1)
+    parts = [
+        ellipsoid((0.42, 0.33, 0.55), body, (0, 0.33, 0)),
+        ellipsoid((0.28 * s, 0.28 * s, 0.28 * s), body, (0, 0.8, 0.25)),
+        ellipsoid((0.12, 0.05, 0.16), beak, (0, 0.76, 0.25 + 0.3 * s)),
+        tilt(ellipsoid((0.2, 0.1, 0.3), body, (0, 0.42, -0.5)), 0, 0.35),
+    ]
+    for side in (-1, 1):
+        parts.append(
+            ellipsoid((0.045,) * 3, np.array([0.03, 0.03, 0.03]), (side * 0.12, 0.88, 0.25 + 0.23 * s))
+        )
+        parts.append(ellipsoid((0.1, 0.17, 0.3), body, (side * 0.38, 0.38, -0.05)))
+    return assemble(parts)
+
+
+def snowman(rng: np.random.Generator) -> Model:
+    """Three balls of snow, a carrot, buttons, often a hat and a scarf."""
+    snow = np.array([0.95, 0.96, 0.98])
+    coal = np.array([0.04, 0.04, 0.05])
+    parts = [
+        ellipsoid((0.42,) * 3, snow, (0, 0.4, 0)),
+        ellipsoid((0.31,) * 3, snow, (0, 0.95, 0)),
+        ellipsoid((0.22,) * 3, snow, (0, 1.37, 0)),
+        tilt(lathe([(0.05, 0), (0.0, 0.28)], np.array([0.95, 0.5, 0.1]), (0, 0, 0), 12), 0, np.pi / 2),
+    ]
+    nose = parts[-1]
+    parts[-1] = (nose[0] + (0, 1.36, 0.2), nose[1], nose[2])
+    parts += [ellipsoid((0.035,) * 3, coal, (s * 0.08, 1.44, 0.19)) for s in (-1, 1)]
+    parts += [ellipsoid((0.04,) * 3, coal, (0, y, 0.3)) for y in (0.85, 1.0)]
+    if rng.random() < 0.7:
+        hat = pick(rng, "black", "black", "red", "blue", "green")
+        parts += [lathe([(0, 1.54), (0.3, 1.54), (0.3, 1.58), (0.19, 1.58), (0.19, 1.85), (0, 1.85)], hat)]
+    if rng.random() < 0.6:
+        parts.append(torus(0.2, 0.07, pick(rng, "red", "blue", "green", "yellow"), at=(0, 1.18, 0)))
+    return assemble(parts)
+
+
+def mug(rng: np.random.Generator) -> Model:
+    """A cylinder with a handle to +x, hollow, sometimes filled."""
+    colour = pick(rng, *BRIGHT)
+    r, h, t = rng.uniform(0.32, 0.42), rng.uniform(0.65, 0.95), 0.04
+    taper = rng.uniform(0.85, 1.05)
+    parts = [lathe([(0, 0), (r * taper, 0), (r, h), (r - t, h), ((r - t) * taper, t), (0, t)], colour)]
+    ring = torus(h * 0.27, 0.05, colour)
+    handle = tilt((ring[0] * (1.0, 1.0, 1.0), ring[1], ring[2]), 0, np.pi / 2)
+    parts.append((handle[0] + (r * (0.5 + 0.5 * taper) + 0.02, h * 0.5, 0), handle[1], colour))
+    if rng.random() < 0.4:
+        parts.append(lathe([(0, h * 0.85), (r - t, h * 0.85)], pick(rng, "brown", "black")))
+    return assemble(parts)
+
+
+def ball(rng: np.random.Generator) -> Model:
+    """A ball: plain, or with bands of two colours."""
+    first, second = pick(rng, *BRIGHT), pick(rng, *BRIGHT)
+    if rng.random() < 0.5:
+        return assemble([ellipsoid((0.5,) * 3, first)])
+    cuts = np.linspace(0, np.pi, int(rng.choice([3, 4, 6])))
+    zones = [
+        ellipsoid((0.5,) * 3, (first, second)[i % 2], top=cuts[i], bottom=cuts[i + 1])
+        for i in range(len(cuts) - 1)
+    ]
+    return assemble(zones)
+
+
+def ice_cream(rng: np.random.Generator) -> Model:
+    """A cone with one to three scoops."""
+    parts = [lathe([(0.0, -0.75), (0.27, 0.0), (0.24, 0.02)], np.array([0.85, 0.62, 0.35]))]
+    first = pick(rng, "pink", "white", "brown", *BRIGHT)
+    for i in range(int(rng.integers(1, 4))):
+        colour = first if rng.random() < 0.6 else pick(rng, *BRIGHT)
+        parts.append(ellipsoid((0.29 - 0.02 * i, 0.27, 0.29 - 0.02 * i), colour, (0, 0.12 + 0.33 * i, 0)))
+    return assemble(parts)
+
+
+def pumpkin(rng: np.random.Generator) -> Model:
+    """A ribbed ellipsoid with a stalk."""
+    colour = pick(rng, "orange", "orange", "orange", "white", "green")
+    vertices, faces, _ = ellipsoid((0.5, rng.uniform(0.34, 0.45), 0.5), colour)
+    angle = np.arctan2(vertices[:, 0], vertices[:, 2])
+    ribs = 1 - 0.09 * np.abs(np.cos(angle * rng.integers(4, 7))) ** 3
+    stalk = lathe([(0.07, 0.3), (0.045, 0.5), (0.06, 0.55), (0, 0.56)], pick(rng, "green", "brown"))
+    return assemble([(vertices * np.stack([ribs, ribs**0.3, ribs], -1), faces, colour), stalk])
+
+
+MAKERS: dict[str, Callable[[np.random.Generator], Model]] = {
+    "mushroom": mushroom, "house": house, "rocket": rocket, "donut": donut, "duck": duck, "snowman": snowman, "mug": mug,
+    "ball": ball, "ice cream": ice_cream, "pumpkin": pumpkin,
+}  # fmt: skip

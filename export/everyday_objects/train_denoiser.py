@@ -1,0 +1,132 @@
+"""Train the denoiser and the text encoder together on the encoded shards; keeps a moving average of the weights.
+
+`python -m export.everyday_objects.train_denoiser WORK --steps 10000` writes WORK/denoiser.pt (the average, what is
+exported) and resumes from WORK/denoiser.state.pt. The rate is constant, then falls linearly over the last fifth of
+`--steps`: a longer training goes on from any state that was saved before its fall, or after it.
+"""
+
+import argparse
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from export.bundle_files import train_tokenizer
+from export.everyday_objects.captions import caption
+from export.everyday_objects.denoiser import Denoiser
+from export.everyday_objects.nouns import NOUNS
+from export.everyday_objects.text_encoder import MAX_TOKENS, TextEncoder
+from pipeline.diffusion.tokenizer import load_tokenizer
+from pipeline.stage import Progress
+
+BETAS = (0.00085, 0.012)
+TIMESTEPS = 1000
+CAPTION_DROPOUT = 0.1
+BY_WORD = {n.words[0]: n for n in NOUNS}
+
+
+def alphas_cumprod() -> torch.Tensor:
+    """Stable Diffusion's scaled-linear schedule, (1000,) float32."""
+    betas = torch.linspace(BETAS[0] ** 0.5, BETAS[1] ** 0.5, TIMESTEPS, dtype=torch.float64) ** 2
+    return torch.cumprod(1 - betas, 0).float()
+
+
+def load_pictures(work: Path) -> tuple[np.ndarray, list[dict]]:
+    """All latents (n, 4, 32, 32) float16 and what they show."""
+    paths = sorted((work / "latents").glob("*.npy"))
+    rows = [row for p in paths for row in json.loads((work / "shards" / f"{p.stem}.json").read_text())]
+    return np.concatenate([np.load(p) for p in paths]), rows
+
+
+def draw_caption(rng: np.random.Generator, row: dict) -> str:
+    """A fresh caption of a picture, or none for the unconditional branch."""
+    if rng.random() < CAPTION_DROPOUT:
+        return ""
+    return caption(rng, BY_WORD[row["noun"]], row["look"], row["azimuth"], row["polar"])
+
+
+def train(work: Path, steps: int, batch: int = 64, rate: float = 6e-4) -> None:
+    """Train to `steps` in all; the state is saved every 250."""
+    torch.manual_seed(0)
+    latents, rows = load_pictures(work)
+    if not (work / "tokenizer" / "vocab.json").exists():
+        rng = np.random.default_rng(1)
+        texts = [draw_caption(rng, rows[i % len(rows)]) for i in range(40000)]
+        train_tokenizer(work / "tokenizer", texts, vocabulary_size=900, max_length=MAX_TOKENS)
+    tokenizer = load_tokenizer(work / "tokenizer")
+    text_encoder = TextEncoder(tokenizer.engine.get_vocab_size())
+    denoiser = Denoiser().to(memory_format=torch.channels_last)
+    networks = {"text_encoder": text_encoder, "denoiser": denoiser}
+    average = {f"{n}.{k}": v.clone() for n, net in networks.items() for k, v in net.state_dict().items()}
+    parameters = [p for net in networks.values() for p in net.parameters()]
+    optimiser = torch.optim.AdamW(parameters, rate, betas=(0.9, 0.99), weight_decay=0.01)
+    state, start = work / "denoiser.state.pt", 0
+    if state.exists():
+        saved = torch.load(state, weights_only=True)
+        for n, net in networks.items():
+            net.load_state_dict(saved[n])
+        average, start = saved["average"], saved["step"]
+        optimiser.load_state_dict(saved["optimiser"])
+    abar = alphas_cumprod()
+    running = 0.0
+    with Progress("denoiser", steps, "steps") as progress:
+        for step in range(start, steps):
+            rng = np.random.default_rng([11, step])
+            picks = rng.integers(len(latents), size=batch)
+            ids = np.stack([tokenizer.encode(draw_caption(rng, rows[i])) for i in picks])
+            clean = torch.from_numpy(latents[picks].astype(np.float32))
+            # One timestep in each of `batch` equal strata: the loss of a step varies less than with free draws.
+            t = torch.from_numpy(
+                ((np.arange(batch) + rng.random(batch)) * TIMESTEPS / batch).astype(np.int64)
+            )
+            noise = torch.from_numpy(rng.standard_normal(clean.shape, np.float32))
+            a = abar[t].view(-1, 1, 1, 1)
+            noised, target = (
+                a.sqrt() * clean + (1 - a).sqrt() * noise,
+                a.sqrt() * noise - (1 - a).sqrt() * clean,
+            )
+            fall = min(1.0, max(0.02, (steps - step) / (0.2 * steps)))
+            for group in optimiser.param_groups:
+                group["lr"] = rate * min(1.0, (step + 1) / 300) * fall
+            with torch.autocast("cpu", torch.bfloat16):
+                text = text_encoder(torch.from_numpy(ids))
+                predicted = denoiser(noised.contiguous(memory_format=torch.channels_last), t, text)
+            loss = (predicted.float() - target).square().mean()
+            optimiser.zero_grad()
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(parameters, 1.0)
+            optimiser.step()
+            decay = min(0.9985, (step + 1) / (step + 20))
+            for n, net in networks.items():
+                for k, v in net.state_dict().items():
+                    average[f"{n}.{k}"].lerp_(v, 1 - decay)
+            running = 0.99 * running + 0.01 * loss.item() if running else loss.item()
+            progress.update(step + 1, f"loss {running:.4f}")
+            if (step + 1) % 250 == 0 or step + 1 == steps:
+                save(work, networks, average, optimiser, step + 1)
+
+
+def save(work: Path, networks: dict, average: dict, optimiser: torch.optim.Optimizer, step: int) -> None:
+    """Write state and average, each atomically."""
+    state = {**{n: net.state_dict() for n, net in networks.items()}, "average": average, "step": step}
+    for name, content in (
+        ("denoiser.state.pt", {**state, "optimiser": optimiser.state_dict()}),
+        ("denoiser.pt", average),
+    ):
+        torch.save(content, work / f"{name}.new")
+        os.replace(work / f"{name}.new", work / name)
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("work", type=Path)
+    parser.add_argument("--steps", type=int, default=10000)
+    options = parser.parse_args()
+    train(options.work, options.steps)
+
+
+if __name__ == "__main__":
+    main()
