@@ -1,0 +1,7 @@
+"""Every typed function checks its shapes and types while the tests run."""
+
+from jaxtyping import install_import_hook
+
+# Before any of them is imported. Compiled kernels take plain arrays and are left alone.
+CHECKED = ["diffusion", "scene", "stages", "report", "job", "stage", "plan", "provenance", "files"]
+install_import_hook([f"pipeline.{name}" for name in CHECKED], "tests.checker.check")
