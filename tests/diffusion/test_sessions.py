@@ -135,12 +135,12 @@ def test_the_only_output_of_the_right_rank_is_taken_whatever_its_name(tmp_path: 
         assert np.array_equal(denoise(noisy, TIMESTEPS[:1], np.zeros((1, 3, 5), np.float32)), -noisy)
     save_graph(
         tmp_path / "two",
-        f"{header}, float[b,4,h,w] other) {{ noise = Neg(sample) extra = Shape(sample) other = Abs(sample) }}",
+        f"{header}, float[b,4,h,w] z) {{ noise = Neg(sample) extra = Shape(sample) z = Abs(sample) }}",
         {},
     )
     with (
         denoiser(tmp_path / "two") as denoise,
-        pytest.raises(InputError, match=r"noise, extra, other.*out_sample"),
+        pytest.raises(InputError, match=r"noise, extra, z.*out_sample"),
     ):
         denoise(noisy, TIMESTEPS[:1], np.zeros((1, 3, 5), np.float32))
 
