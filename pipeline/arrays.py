@@ -1,4 +1,4 @@
-"""Named arrays as bytes: the .npz format with fixed timestamps and order, so that equal arrays are equal bytes."""
+"""Named arrays as bytes: .npz with fixed timestamps and order, so that equal arrays are equal bytes."""
 
 import io
 import zipfile

@@ -51,7 +51,8 @@ def picture(
 
 
 def inside(balls: tuple[Ball, ...], points: Float[np.ndarray, "n 3"]) -> np.ndarray:
-    return np.any([np.linalg.norm(points - b.centre, axis=1) < b.radius for b in balls], axis=0)
+    covered: np.ndarray = np.any([np.linalg.norm(points - b.centre, axis=1) < b.radius for b in balls], axis=0)
+    return covered
 
 
 def linear_schedule(steps: int = 1000) -> Schedule:
@@ -71,10 +72,12 @@ def oracle_guidance(balls: tuple[Ball, ...], spread: float = 0.1) -> Guidance:
 
         def denoise(sample: np.ndarray, timesteps: np.ndarray, text: np.ndarray) -> np.ndarray:
             signal, sigma = schedule.factors(timesteps)
-            return ((sample - signal * mu) * sigma / (signal**2 * spread**2 + sigma**2)).astype(np.float32)
+            epsilon = (sample - signal * mu) * sigma / (signal**2 * spread**2 + sigma**2)
+            return np.asarray(epsilon, np.float32)
 
         timesteps = np.minimum((batch.noise_levels * total).astype(np.int64), total - 1)
         text = np.zeros((len(latents), 1, 1), np.float32)
-        return sds_gradient(latents, denoise, schedule, timesteps, batch.noise, text, text[0], 1.0).gradient
+        step = sds_gradient(latents, denoise, schedule, timesteps, batch.noise, text, text[0], 1.0)
+        return step.gradient
 
     return guidance

@@ -1,8 +1,9 @@
 """Multi-resolution hash grid (Mueller et al. 2022, Instant NGP, section 3): encoding and its gradient.
 
-Letters: n points in [-1, 1]^3, l levels, 2 features a table entry. Level i divides the box into `resolution[i]`^3
-cells; its entries are `table[offset[i]:offset[i + 1]]`. A level whose (resolution + 1)^3 vertices fit is stored
-densely, a finer one is hashed into a power of two of entries. Features are interpolated trilinearly.
+Letters: n points in [-1, 1]^3, l levels, 2 features a table entry. Level i divides the box into
+`resolution[i]`^3 cells; its entries are `table[offset[i]:offset[i + 1]]`. A level whose (resolution + 1)^3
+vertices fit is stored densely, a finer one is hashed into a power of two of entries. Features are
+interpolated trilinearly.
 """
 
 import numba

@@ -1,9 +1,10 @@
 """Marching rays through an occupancy grid, and the volume rendering of the samples met (Max 1995).
 
-Letters: r rays, n samples of all rays, a ray's samples being `offsets[i]` to `offsets[i + 1]` in order of distance.
-A sample is evaluated by the field only when something in front of it does not hide it: `rows[s]` says where in
-the field's results it stands, -1 that it was never evaluated (nor anything behind it). All samples of a call
-have the length `step` [scene units]. Sums run in double precision and in log space: a transmittance is exp(-sum).
+Letters: r rays, n samples of all rays, a ray's samples being `offsets[i]` to `offsets[i + 1]` in order of
+distance. A sample is evaluated by the field only when something in front of it does not hide it: `rows[s]`
+says where in the field's results it stands, -1 that it was never evaluated (nor anything behind it). All
+samples of a call have the length `step` [scene units]. Sums run in double precision and in log space: a
+transmittance is exp(-sum).
 """
 
 import math
@@ -98,7 +99,7 @@ def gather(start, stop, origins, directions, distances, cursor, take, first, bas
 
 @numba.njit(cache=True, nogil=True)
 def attenuate(start, stop, density, take, first, base, step, log_transmittance):
-    """Let the samples of one round dim the rays: `density` is that of its rows, the first of which is `base`."""
+    """Let the samples of one round dim the rays: `density` is that of its rows, the first being `base`."""
     for ray in range(start, stop):
         for i in range(take[ray]):
             log_transmittance[ray] -= np.float64(density[first[ray] + i - base]) * step

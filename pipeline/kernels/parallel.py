@@ -1,9 +1,9 @@
 """Runs kernels that release the GIL on several threads, with results that do not depend on their number.
 
-A kernel is called as `kernel(start, stop, *arguments)` and must write only to what its own items own (the rows
-of its points, the rays or the hash levels from `start` to `stop`): then any split gives the same bits. Compared
-with numba's `parallel=True`, kernels compile several times faster and no second pool of spinning threads competes
-with torch and onnxruntime.
+A kernel is called as `kernel(start, stop, *arguments)` and must write only to what its own items own (the
+rows of its points, the rays or the hash levels from `start` to `stop`): then any split gives the same bits.
+Compared with numba's `parallel=True`, kernels compile several times faster and no second pool of spinning
+threads competes with torch and onnxruntime.
 """
 
 import functools

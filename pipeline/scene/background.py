@@ -30,7 +30,7 @@ class FlatBackground(nn.Module):
 
 
 class LearnedBackground(nn.Module):
-    """Latents as a function of the direction: frequency encoding (6 octaves), one hidden layer (the paper's code)."""
+    """Latents as a function of the direction: frequency encoding, one hidden layer (the paper's code)."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         super().__init__()

@@ -1,8 +1,8 @@
 """Checkpoints of a training run: a run resumed from one equals, bit for bit, a run never interrupted.
 
-A checkpoint is one file, `<step>.checkpoint`: a line with the sha256 of the rest, then named arrays. It appears whole
-or not at all (written beside, synced, renamed, the folder synced). The last two are kept; reading takes the newest one
-whose checksum holds.
+A checkpoint is one file, `<step>.checkpoint`: a line with the sha256 of the rest, then named arrays. It
+appears whole or not at all (written beside, synced, renamed, the folder synced). The last two are kept;
+reading takes the newest one whose checksum holds.
 """
 
 import hashlib
@@ -24,7 +24,7 @@ _MOMENTS = ("step", "exp_avg", "exp_avg_sq")
 
 
 def save(folder: Path, state: State, history: list[dict[str, Any]]) -> None:
-    """Write the state after `state.step` steps and what was recorded so far; drop all but the last two files."""
+    """Write the state after `state.step` steps and the history so far; drop all but the last two files."""
     progress = {"step": state.step, "rng": state.rng.bit_generator.state, "history": history}
     payload = arrays.pack(
         {

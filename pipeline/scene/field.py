@@ -2,9 +2,10 @@
 
 Letters: n points in [-1, 1]^3, k of them in one segment. Density [1 / scene unit] is
     sharpening * exp(h0 + bias + blob * exp(-r^2 / (2 radius^2))),
-the blob centring the geometry (Metzer et al. 2022, Latent-NeRF, after DreamFusion); the latents have no activation.
-The gradient is written by hand: it follows the segments in which the renderer asked for samples, so that nothing
-is evaluated twice or concatenated, and the hash grid's gradient is accumulated in one place.
+the blob centring the geometry (Metzer et al. 2022, Latent-NeRF, after DreamFusion); the latents have no
+activation. The gradient is written by hand: it follows the segments in which the renderer asked for
+samples, so that nothing is evaluated twice or concatenated, and the hash grid's gradient is accumulated in
+one place.
 """
 
 from collections.abc import Iterator
@@ -19,8 +20,8 @@ from pipeline.kernels import hashgrid as kernels
 from pipeline.kernels import parallel
 from pipeline.scene import hashgrid
 
-# Work is divided into blocks of points by `parallel`. A pool of torch's own would spin against its threads, and
-# sums would depend on their number.
+# Work is divided into blocks of points by `parallel`. A pool of torch's own would spin against its threads,
+# and sums would depend on their number. The setting belongs to a thread, so each piece of work repeats it.
 torch.set_num_threads(1)
 
 LATENT_CHANNELS = 4
@@ -90,6 +91,7 @@ class LatentField(nn.Module):
         table, weight1, bias1, weight2, bias2, weight3, bias3 = (p.detach() for p in self.parameters())
 
         def work(first: int, last: int) -> None:
+            torch.set_num_threads(1)
             for rows in _blocks(first, last, count):
                 torch.addmm(bias1, features[rows], weight1.T, out=hidden1[rows]).relu_()
                 torch.addmm(bias2, hidden1[rows], weight2.T, out=hidden2[rows]).relu_()
@@ -106,7 +108,7 @@ class LatentField(nn.Module):
     def attach(self, segments: list[Segment]) -> tuple[Float[Tensor, " n"], Float[Tensor, "n 4"]]:
         """Return density and latents of evaluated segments, in order, as differentiable by the parameters."""
         parameters = dict(self.named_parameters()).values()
-        density, latents = _Attach.apply(self, segments, *parameters)
+        density, latents = _Attach.apply(self, segments, *parameters)  # type: ignore[no-untyped-call]
         return density, latents
 
     def _bias(self, points: Float[Tensor, "k 3"]) -> Float[Tensor, " k"]:
@@ -131,6 +133,7 @@ class LatentField(nn.Module):
         feature_gradient = torch.empty(count, self.grid.width)
 
         def work(first: int, last: int) -> None:
+            torch.set_num_threads(1)
             for block, rows in enumerate(_blocks(first, last, count), first):
                 share = {name: values[block] for name, values in shares.items()}
                 output = torch.empty(rows.stop - rows.start, 1 + LATENT_CHANNELS)

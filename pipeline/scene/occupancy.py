@@ -1,7 +1,8 @@
 """Which cells of the box may hold something: rendering skips the others.
 
-Letters: g cells a side of the box [-1, 1]^3, indexed [x, y, z]; n points. A cell's density is the largest of one
-jittered sample a refresh, older ones fading by a factor, so that a thin part which one sample missed is remembered.
+Letters: g cells a side of the box [-1, 1]^3, indexed [x, y, z]; n points. A cell's density is the largest
+of one jittered sample a refresh, older ones fading by a factor, so that a thin part which one sample missed
+is remembered.
 """
 
 from collections.abc import Callable
@@ -14,8 +15,8 @@ CELLS = 64
 REFRESH_EVERY = 16
 """Training steps between refreshes."""
 _DECAY = 0.7
-"""Fading a refresh. The paper's code takes .95 over 5000 steps; runs of some hundred need emptied cells sooner,
-and the margin of one cell covers what a single sample can miss."""
+"""Fading a refresh. The paper's code takes .95 over 5000 steps; runs of some hundred need emptied
+cells sooner, and the margin of one cell covers what a single sample can miss."""
 _NEGLIGIBLE_OPACITY = 0.01
 """A sample that hides less than this of what is behind it is not worth its evaluation."""
 
@@ -42,9 +43,9 @@ def refresh(
 ) -> Occupancy:
     """Sample every cell once at a random point and decide anew which are occupied.
 
-    A cell is dropped when its density is below the mean of all cells and a sample of length `step` [scene units]
-    there would hide less than 1 % (the paper's code: below the mean and 10, which at its step hides 3 %).
-    The mean keeps the densest cells of a nearly empty scene, so that it can recover.
+    A cell is dropped when its density is below the mean of all cells and a sample of length `step` [scene
+    units] there would hide less than 1 % (the paper's code: below the mean and 10, which at its step hides
+    3 %). The mean keeps the densest cells of a nearly empty scene, so that it can recover.
     """
     density = np.maximum(occupancy.density * np.float32(_DECAY), _sample(occupancy, density_at, rng))
     return _decide(density, step)

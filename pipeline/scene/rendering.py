@@ -1,9 +1,10 @@
 """Volume rendering of a scene: march, evaluate what can be seen, composite.
 
-Letters: b cameras, r rays, n samples of all rays (a ray's are consecutive), h x w pixels. Rays carry unit directions.
-Rays are clipped to the box [-1, 1]^3 and sampled at a fixed step; samples in empty cells are skipped, and so are those
-behind an opaque surface: the field is evaluated in rounds of a few samples a ray, and a ray whose transmittance fell
-below 1e-4 takes no part in the next round. Both leave the picture as it would be (to 1e-4, and the occupancy's 1 %).
+Letters: b cameras, r rays, n samples of all rays (a ray's are consecutive), h x w pixels. Rays carry unit
+directions. Rays are clipped to the box [-1, 1]^3 and sampled at a fixed step; samples in empty cells are
+skipped, and so are those behind an opaque surface: the field is evaluated in rounds of a few samples a ray,
+and a ray whose transmittance fell below 1e-4 takes no part in the next round. Both leave the picture as it
+would be (to 1e-4, and the occupancy's 1 %).
 """
 
 from collections.abc import Sequence
@@ -126,11 +127,13 @@ def composite(
     samples: Samples,
     rows: Int[np.ndarray, " n"],
 ) -> tuple[Float[Tensor, "r 4"], Float[Tensor, " r"], Float[Tensor, " r"]]:
-    """Integrate along rays; return latents, depth and log transmittance, differentiable by density and latents.
+    """Integrate along rays; return latents, depth, log transmittance, differentiable by the first two.
 
     `rows` says which row of `density` and `latents` a sample is, see `evaluate_visible`.
     """
-    pixels, depth, log_transmittance = _Composite.apply(density, latents, samples, rows)
+    pixels, depth, log_transmittance = _Composite.apply(  # type: ignore[no-untyped-call]
+        density, latents, samples, rows
+    )
     return pixels, depth, log_transmittance
 
 
@@ -146,7 +149,8 @@ def render_rays(scene: Scene, rays: Rays) -> Seen:
 def behind(scene: Scene, rays: Rays, flat: Float[np.ndarray, "b 4"] | None) -> Float[Tensor, "r 4"]:
     """Return the background of each ray: flat latents a camera, or (None) the scene's own."""
     if flat is None:
-        return scene.background(torch.from_numpy(rays.directions))
+        own: Tensor = scene.background(torch.from_numpy(rays.directions))
+        return own
     return torch.from_numpy(flat).repeat_interleave(len(rays.origins) // len(flat), dim=0)
 
 

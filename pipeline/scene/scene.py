@@ -39,7 +39,7 @@ class Scene:
 
 
 def density(scene: Scene, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-    """Return the density [1 / scene unit] at `points`, with sharpening, whether or not their cell is occupied."""
+    """Return the density [1 / scene unit] at `points`, with sharpening, also in unoccupied cells."""
     result = np.empty(len(points), np.float32)
     for first in range(0, len(points), _POINTS_PER_CHUNK):
         chunk = np.ascontiguousarray(points[first : first + _POINTS_PER_CHUNK], np.float32)

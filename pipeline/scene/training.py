@@ -1,8 +1,8 @@
 """One step of score distillation into a latent scene (Metzer et al. 2022, Latent-NeRF; DreamFusion's SDS).
 
-Letters: b cameras a step, h x w latent pixels (square). The guidance is a function that looks at rendered latents and
-says in which direction each should change; it returns that gradient, there is no loss behind it. The regularisers are
-losses; both go through one backward pass.
+Letters: b cameras a step, h x w latent pixels (square). The guidance is a function that looks at rendered
+latents and says in which direction each should change; it returns that gradient, there is no loss behind
+it. The regularisers are losses; both go through one backward pass.
 """
 
 import math
@@ -93,7 +93,7 @@ def initial_state(options: TrainNerf, backgrounds: Float[np.ndarray, "k 4"], see
 
 
 def make_optimizer(scene: Scene, options: TrainNerf) -> torch.optim.Adam:
-    """Return Adam with the paper's settings: a higher rate for the hash grid, whose entries see few gradients."""
+    """Return Adam with the paper's settings: the grid's rate is higher, its entries see few gradients."""
     networks = [p for p in scene.field.parameters() if p is not scene.field.table]
     groups = [
         {"params": [scene.field.table], "lr": options.grid_learning_rate},
@@ -103,7 +103,7 @@ def make_optimizer(scene: Scene, options: TrainNerf) -> torch.optim.Adam:
 
 
 def training_step(state: State, options: TrainNerf, resolution: int, guidance: Guidance) -> Figures:
-    """Render `options.cameras_per_step` views of `resolution`^2 latent pixels, ask the guidance, update the scene.
+    """Render views of `resolution`^2 latent pixels, ask the guidance about them, update the scene.
 
     Raises:
         FloatingPointError: a NaN or an infinity, named by tensor and step; the state is then not to be used.
@@ -165,9 +165,8 @@ def draw_batch(
     Noise levels are stratified over the views (one in each of b equal parts of the range, in random order).
     """
     count = options.cameras_per_step
-    cameras, azimuths, polars = sample_cameras(
-        rng, count, options.radius, np.deg2rad(options.fov_degrees), np.deg2rad(options.polar_degrees)
-    )
+    fov, polar = ([math.radians(v) for v in pair] for pair in (options.fov_degrees, options.polar_degrees))
+    cameras, azimuths, polars = sample_cameras(rng, count, options.radius, fov, polar)
     backgrounds = None
     if isinstance(scene.background, FlatBackground):
         colours = scene.background.colours.numpy()
@@ -181,7 +180,7 @@ def draw_batch(
 
 
 def binary_entropy(opacity: Float[Tensor, " r"]) -> Float[Tensor, " r"]:
-    """Return -o log o - (1 - o) log(1 - o) [nats], `opacity` clamped to 1e-5 from both ends as in the paper's code."""
+    """Return -o log o - (1 - o) log(1 - o) [nats], clamped 1e-5 from both ends as in the paper's code."""
     clamped = opacity.clamp(_ENTROPY_CLAMP, 1 - _ENTROPY_CLAMP)
     return -clamped * clamped.log() - (1 - clamped) * torch.log1p(-clamped)
 

@@ -106,7 +106,8 @@ def collapse(history: list[dict[str, Any]]) -> list[str]:
     opacity = float(np.mean([row["opacity"] for row in history[-_JUDGED_STEPS:]]))
     if opacity < _EMPTY:
         return [
-            f"the scene is empty (mean opacity {opacity:.4f}): try another SEED, or lower train_nerf.opacity_weight"
+            f"the scene is empty (mean opacity {opacity:.4f}): try another SEED, or lower "
+            "train_nerf.opacity_weight"
         ]
     if opacity > _FULL:
         return [
@@ -117,7 +118,7 @@ def collapse(history: list[dict[str, Any]]) -> list[str]:
 
 
 def preview(views: Views, bundle: Bundle) -> Image.Image:
-    """Return the views side by side, colours from the bundle's linear map (else three channels), opacity below."""
+    """Return the views side by side in the bundle's linear map (else three channels), over their opacity."""
     if bundle.latent_to_rgb is not None:
         bias = np.array(bundle.latent_to_rgb_bias or (0, 0, 0), np.float32)
         rgb = np.einsum("rc,bchw->bhwr", np.array(bundle.latent_to_rgb, np.float32), views.latents) + bias
