@@ -1,6 +1,7 @@
 """Texels of an unwrapped mesh: which face covers each, and what a view shows of it.
 
-Letters: s texels along a side, n covered texels, f faces. Texture coordinates here are in texels, origin top left.
+Letters: s texels along a side, n covered texels, f faces. The origin of textures is at
+the top left.
 """
 
 import numba
@@ -25,8 +26,14 @@ def draw_charts(corners, face, barycentric, cover):
         area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
         if area == 0.0:
             continue
-        x0, x1 = max(int(np.ceil(min(ax, bx, cx) - 0.5)), 0), min(int(np.floor(max(ax, bx, cx) - 0.5)), size - 1)
-        y0, y1 = max(int(np.ceil(min(ay, by, cy) - 0.5)), 0), min(int(np.floor(max(ay, by, cy) - 0.5)), size - 1)
+        x0, x1 = (
+            max(int(np.ceil(min(ax, bx, cx) - 0.5)), 0),
+            min(int(np.floor(max(ax, bx, cx) - 0.5)), size - 1),
+        )
+        y0, y1 = (
+            max(int(np.ceil(min(ay, by, cy) - 0.5)), 0),
+            min(int(np.floor(max(ay, by, cy) - 0.5)), size - 1),
+        )
         for y in range(y0, y1 + 1):
             py = y + 0.5
             for x in range(x0, x1 + 1):
@@ -54,16 +61,31 @@ def _corner(coordinate, size):
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
-def sample(picture, uv, out):
-    """Look up `picture` (h, w, c) bilinearly at `uv` (n, 2) in [0, 1], clamped at the border, into `out` (n, c)."""
-    height, width, channels = picture.shape
-    for i in numba.prange(uv.shape[0]):
-        x0, x1, fx = _corner(uv[i, 0], width)
-        y0, y1, fy = _corner(uv[i, 1], height)
-        for c in range(channels):
-            top = picture[y0, x0, c] * (1.0 - fx) + picture[y0, x1, c] * fx
-            bottom = picture[y1, x0, c] * (1.0 - fx) + picture[y1, x1, c] * fx
-            out[i, c] = top * (1.0 - fy) + bottom * fy
+def look_up(triangle, barycentric, uv, uv_faces, texture, out):
+    """Look up the texture bilinearly, clamped at its border, at every pixel that sees a face.
+
+    Args:
+        triangle, barycentric: (h, w) int32 and (h, w, 3) float32, what each pixel sees; -1 is nothing.
+        uv, uv_faces: (t, 2) float64 in [0, 1] and (f, 3), texture points and the faces' indices into them.
+        texture: (s, s, 3) float32.
+        out: (h, w, 3) float32, written where a face is seen.
+    """
+    height, width = triangle.shape
+    for row in numba.prange(height):
+        for column in range(width):
+            face = triangle[row, column]
+            if face < 0:
+                continue
+            u, v = 0.0, 0.0
+            for k in range(3):
+                u += barycentric[row, column, k] * uv[uv_faces[face, k], 0]
+                v += barycentric[row, column, k] * uv[uv_faces[face, k], 1]
+            x0, x1, fx = _corner(u, texture.shape[1])
+            y0, y1, fy = _corner(v, texture.shape[0])
+            for c in range(3):
+                top = texture[y0, x0, c] * (1.0 - fx) + texture[y0, x1, c] * fx
+                bottom = texture[y1, x0, c] * (1.0 - fx) + texture[y1, x1, c] * fx
+                out[row, column, c] = top * (1.0 - fy) + bottom * fy
 
 
 @numba.njit(cache=True, nogil=True, parallel=True)
@@ -75,7 +97,7 @@ def accumulate_view(pose, half, position, normal, depth, picture, trust, power, 
         position, normal: (n, 3) float32, of the texels; normals are unit.
         depth: (d, d) float32, nearest surface along the viewing axis, infinite where there is none.
         picture, trust: (h, w, 3) and (h, w) float32, colours and how far each may be believed, in (0, 1].
-        power, least_cosine: the weight is trust * cosine ** power; texels turned away further than that get nothing.
+        power, least_cosine: the weight is trust * cosine ** power; others get nothing.
         bias: depth tolerance [pixels of `depth`], for a surface facing the camera; more for one aslant.
         total: (n, 4) float64 in and out, sums of weight * colour and of weight.
     """
@@ -88,7 +110,9 @@ def accumulate_view(pose, half, position, normal, depth, picture, trust, power, 
         along = vx * pose[0, 2] + vy * pose[1, 2] + vz * pose[2, 2]
         if along <= 0.0:
             continue
-        cosine = (vx * normal[i, 0] + vy * normal[i, 1] + vz * normal[i, 2]) / np.sqrt(vx * vx + vy * vy + vz * vz)
+        cosine = (vx * normal[i, 0] + vy * normal[i, 1] + vz * normal[i, 2]) / np.sqrt(
+            vx * vx + vy * vy + vz * vz
+        )
         if cosine < least_cosine:
             continue
         u = 0.5 - 0.5 * (vx * pose[0, 0] + vy * pose[1, 0] + vz * pose[2, 0]) / (along * half)

@@ -2,8 +2,8 @@
 
 Letters: v vertices, f faces, t texture points, c = (texture point, vertex) pairs. Positions are in scene
 units (right-handed, +Y up, the front faces +Z), faces counter-clockwise seen from outside. Texture
-coordinates have their origin at the top left, as glTF wants; OBJ files count from the bottom, so `read_obj` and
-`write_obj` flip them.
+coordinates have their origin at the top left, as glTF wants; OBJ files count from the bottom, so `read_obj`
+and `write_obj` flip them.
 """
 
 from __future__ import annotations
@@ -36,6 +36,13 @@ class SplitMesh(NamedTuple):
     faces: Int[np.ndarray, "f 3"]
 
 
+def texture_points(mesh: Mesh) -> tuple[Float[np.ndarray, "t 2"], Int[np.ndarray, "f 3"]]:
+    """Return the texture points and the faces' indices into them. Raises ValueError if there are none."""
+    if mesh.uv is None or mesh.uv_faces is None:
+        raise ValueError("the mesh has no texture coordinates: unwrap it first")
+    return mesh.uv, mesh.uv_faces
+
+
 def face_normals(mesh: Mesh) -> Float[np.ndarray, "f 3"]:
     """Return the cross product of two edges of every face: its length is twice the area (float64)."""
     corners = mesh.vertices.astype(np.float64)[mesh.faces]
@@ -44,7 +51,7 @@ def face_normals(mesh: Mesh) -> Float[np.ndarray, "f 3"]:
 
 def face_areas(mesh: Mesh) -> Float[np.ndarray, " f"]:
     """Return the area of every face [square scene units]."""
-    return 0.5 * np.linalg.norm(face_normals(mesh), axis=1)
+    return np.asarray(0.5 * np.linalg.norm(face_normals(mesh), axis=1), np.float64)
 
 
 def vertex_normals(mesh: Mesh) -> Float[np.ndarray, "v 3"]:
@@ -63,16 +70,17 @@ def vertex_normals(mesh: Mesh) -> Float[np.ndarray, "v 3"]:
 
 
 def split_seams(mesh: Mesh) -> SplitMesh:
-    """Return the mesh with one index for position, normal and texture point; normals stay smooth across seams."""
-    if mesh.uv is None or mesh.uv_faces is None:
-        raise ValueError("the mesh has no texture coordinates: unwrap it first")
-    pairs = np.stack([mesh.faces.ravel(), mesh.uv_faces.ravel()], axis=1)
+    """Return the mesh with one index for position, normal and texture point; normals stay smooth across
+    seams.
+    """
+    uv, uv_faces = texture_points(mesh)
+    pairs = np.stack([mesh.faces.ravel(), uv_faces.ravel()], axis=1)
     unique, inverse = np.unique(pairs, axis=0, return_inverse=True)
     vertex, texture_point = unique[:, 0], unique[:, 1]
     return SplitMesh(
         mesh.vertices[vertex].astype(np.float32),
         vertex_normals(mesh)[vertex].astype(np.float32),
-        mesh.uv[texture_point].astype(np.float32),
+        uv[texture_point].astype(np.float32),
         inverse.reshape(-1, 3).astype(np.int32),
     )
 
@@ -94,7 +102,9 @@ def check_mesh(mesh: Mesh, source: str) -> Mesh:
         raise InputError(f"{source}: the mesh has no faces; give a mesh made of triangles")
     if not np.isfinite(mesh.vertices).all():
         bad = int((~np.isfinite(mesh.vertices).all(axis=1)).sum())
-        raise InputError(f"{source}: {bad} vertices are NaN or infinite; expected finite numbers; repair the mesh")
+        raise InputError(
+            f"{source}: {bad} vertices are NaN or infinite; expected finite numbers; repair the mesh"
+        )
     if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
         raise InputError(
             f"{source}: face indices run from {mesh.faces.min()} to {mesh.faces.max()}, "
@@ -146,7 +156,9 @@ def read_obj(path: Path) -> Mesh:
     except ValueError as error:
         raise InputError(f"{path}: not an OBJ file of textured triangles ({error}); make it again") from error
     check_mesh(mesh, str(path))
-    check_mesh(Mesh(np.zeros((len(flipped), 3), np.float32), index[..., 1].astype(np.int32)), f"{path} (texture)")
+    check_mesh(
+        Mesh(np.zeros((len(flipped), 3), np.float32), index[..., 1].astype(np.int32)), f"{path} (texture)"
+    )
     return mesh
 
 
@@ -155,17 +167,15 @@ def write_obj(path: Path, mesh: Mesh, material_library: str | None = None, norma
 
     Nine digits hold a float32 exactly, so that reading gives the same positions back.
     """
-    if mesh.uv is None or mesh.uv_faces is None:
-        raise ValueError("the mesh has no texture coordinates: unwrap it first")
+    uv, uv_faces = texture_points(mesh)
     lines = [f"mtllib {material_library}"] if material_library else []
-    lines += ["v %.9g %.9g %.9g" % tuple(row) for row in mesh.vertices.tolist()]
-    flipped = mesh.uv.astype(np.float64) * [1, -1] + [0, 1]
-    lines += ["vt %.9g %.9g" % tuple(row) for row in flipped.tolist()]
+    lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in mesh.vertices.tolist()]
+    flipped = uv.astype(np.float64) * [1, -1] + [0, 1]
+    lines += [f"vt {u:.9g} {v:.9g}" for u, v in flipped.tolist()]
     if normals:
-        lines += ["vn %.6f %.6f %.6f" % tuple(row) for row in vertex_normals(mesh).tolist()]
+        lines += [f"vn {x:.6f} {y:.6f} {z:.6f}" for x, y, z in vertex_normals(mesh).tolist()]
     lines += ["usemtl albedo"] if material_library else []
-    corners = [mesh.faces, mesh.uv_faces, mesh.faces] if normals else [mesh.faces, mesh.uv_faces]
-    corner = "/".join(["%d"] * len(corners))
-    index = np.stack(corners, axis=-1).reshape(len(mesh.faces), -1) + 1
-    lines += [f"f {corner} {corner} {corner}" % tuple(row) for row in index.tolist()]
+    corners = [mesh.faces, uv_faces, mesh.faces] if normals else [mesh.faces, uv_faces]
+    for face in (np.stack(corners, axis=-1) + 1).tolist():
+        lines.append("f " + " ".join("/".join(map(str, corner)) for corner in face))
     path.write_text("\n".join(lines) + "\n", encoding="ascii")

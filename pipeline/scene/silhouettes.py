@@ -14,7 +14,8 @@ from pipeline.scene.cameras import Camera, sphere
 from pipeline.scene.mesh import Mesh
 from pipeline.scene.rasterize import rasterize
 
-# The views all comparisons share: the paper's evaluation distance and angle, and the polar angles of its training.
+# The views all comparisons share: the paper's evaluation distance and angle, and the polar angles of its
+# training.
 RADIUS = 1.8
 FOV = np.radians(55.0)
 POLAR_RANGE = (0.0, np.radians(150.0))

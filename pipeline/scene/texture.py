@@ -1,8 +1,8 @@
 """Textures of an unwrapped mesh: texels on its surface, projection of views onto them, filling, lookup.
 
 Letters: s texels along a side, n texels that some face covers, f faces, p pixels along a side of a picture.
-Texture coordinates are in [0, 1], origin top left; texel (row, column) has its centre at ((column, row) + 0.5) / s.
-Colours are sRGB in [0, 1].
+Texture coordinates are in [0, 1], origin top left; texel (row, column) has its centre at ((column, row) +
+0.5) / s. Colours are sRGB in [0, 1].
 """
 
 from __future__ import annotations
@@ -16,21 +16,23 @@ from scipy.spatial import cKDTree
 
 from pipeline.kernels import texels as kernel
 from pipeline.scene.cameras import Camera
-from pipeline.scene.mesh import Mesh, face_normals, vertex_normals
-from pipeline.scene.rasterize import Fragments, interpolate, rasterize
+from pipeline.scene.mesh import Mesh, face_normals, texture_points, vertex_normals
+from pipeline.scene.rasterize import Fragments, rasterize
 
 DEPTH_SIZE = 512  # pixels of the visibility picture: fine enough for a texel, whatever the view's own size
 DEPTH_BIAS = 1.5  # pixels of that picture
 LEAST_COSINE = 0.1  # texels seen more aslant than 84 degrees are not seen
 NEIGHBOURS = 4
-NORMAL_SCALE = 0.1  # distance that a full turn of the normal counts for, so that colours do not cross thin walls
+NORMAL_SCALE = (
+    0.1  # distance that a full turn of the normal counts for, so that colours do not cross thin walls
+)
 
 
 class Texels(NamedTuple):
-    """The texels that faces cover; `index` is row * s + column."""
+    """The texels that faces cover; `place` is row * s + column."""
 
     size: int
-    index: Int[np.ndarray, " n"]
+    place: Int[np.ndarray, " n"]
     position: Float[np.ndarray, "n 3"]
     normal: Float[np.ndarray, "n 3"]
     overlap: float  # share of the covered texels that more than one face covers
@@ -39,56 +41,51 @@ class Texels(NamedTuple):
     def mask(self) -> np.ndarray:
         """(s, s), True where a face covers the texel's centre."""
         mask = np.zeros(self.size * self.size, bool)
-        mask[self.index] = True
+        mask[self.place] = True
         return mask.reshape(self.size, self.size)
 
 
 def surface_texels(mesh: Mesh, size: int) -> Texels:
     """Return the texels of a `size` x `size` texture that lie on the mesh, with their places on it."""
-    assert mesh.uv is not None and mesh.uv_faces is not None, "unwrap the mesh first"
+    uv, uv_faces = texture_points(mesh)
     face = np.full((size, size), -1, np.int32)
     barycentric = np.zeros((size, size, 3), np.float32)
     cover = np.zeros((size, size), np.int32)
-    corners = np.ascontiguousarray(mesh.uv.astype(np.float64)[mesh.uv_faces] * size)
+    corners = np.ascontiguousarray(uv.astype(np.float64)[uv_faces] * size)
     kernel.draw_charts(corners, face, barycentric, cover)
-    index = np.flatnonzero(face >= 0)
-    weights = barycentric.reshape(-1, 3)[index]
-    of_texel = face.ravel()[index]
+    place = np.flatnonzero(face >= 0)
+    weights = barycentric.reshape(-1, 3)[place]
+    of_texel = face.ravel()[place]
     corner = mesh.faces[of_texel]
     position = np.einsum("nk,nki->ni", weights, mesh.vertices.astype(np.float32)[corner])
     normal = np.einsum("nk,nki->ni", weights, vertex_normals(mesh)[corner])
     flat = face_normals(mesh)[of_texel]  # where smooth normals cancel out, the face's own
     normal = np.where((normal * flat).sum(axis=1, keepdims=True) > 0, normal, flat)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-20)
-    overlap = float((cover > 1).sum() / max(len(index), 1))
-    return Texels(size, index, position.astype(np.float32), normal.astype(np.float32), overlap)
+    overlap = float((cover > 1).sum() / max(len(place), 1))
+    return Texels(size, place, position.astype(np.float32), normal.astype(np.float32), overlap)
 
 
 def view_trust(fragments: Fragments, camera: Camera, margin: float) -> Float[np.ndarray, "p p"]:
     """Return how far the colours of a view can be believed, in (0, 1].
 
-    A decoded picture mixes what lies on both sides of an outline, so trust falls towards silhouettes and steps in depth,
-    over `margin` pixels. It never falls to 0: a chair's leg, narrower than that, has nothing better.
+    A decoded picture mixes what lies on both sides of an outline, so trust falls towards silhouettes and
+    steps in depth, over `margin` pixels. It never falls to 0: a chair's leg, narrower than that, has nothing
+    better.
     """
     mask = fragments.mask
-    size = len(mask)
     depth = np.where(mask, fragments.depth, 1e3)
-    step = 6 * (2 * np.tan(camera.fov / 2) * np.where(mask, depth, 0) / size)
+    step = np.where(mask, 12 * np.tan(camera.fov / 2) / len(mask) * depth, 0)  # six pixels wide
     inside = mask.copy()
     for axis in (0, 1):
-        jump = np.abs(np.diff(depth, axis=axis))
-        low = np.take(step, range(size - 1), axis=axis)
-        high = np.take(step, range(1, size), axis=axis)
-        broken = jump > np.maximum(low, high)
-        before, after = ((0, 1), (1, 0)) if axis == 0 else ((0, 1), (1, 0))
-        padding = [(0, 0), (0, 0)]
-        padding[axis] = before
-        inside &= ~np.pad(broken, padding)
-        padding[axis] = after
-        inside &= ~np.pad(broken, padding)
+        along, tolerance, kept = (np.moveaxis(grid, axis, 0) for grid in (depth, step, inside))
+        whole = np.abs(np.diff(along, axis=0)) <= np.maximum(tolerance[1:], tolerance[:-1])
+        kept[1:] &= whole
+        kept[:-1] &= whole
     padded = np.pad(inside, 1, constant_values=True)  # the picture's border is no outline
     distance = distance_transform_edt(padded)[1:-1, 1:-1]
-    return np.clip(distance / max(margin, 1.0), 0.03, 1.0).astype(np.float32) ** 2
+    trust: np.ndarray = np.clip(distance / max(margin, 1.0), 0.03, 1.0).astype(np.float32) ** 2
+    return trust
 
 
 def project_view(
@@ -102,8 +99,9 @@ def project_view(
 ) -> None:
     """Add what a view shows to `total` (float64, in place): sums of weight * colour, and of weight.
 
-    A texel is seen if no face hides it (a depth test with a tolerance that grows with the slant) and it faces the camera;
-    its weight is trust * cosine ** `power`: with a high power the best views decide, and the texture stays sharp.
+    A texel is seen if no face hides it (a depth test with a tolerance that grows with the slant) and it faces
+    the camera; its weight is trust * cosine ** `power`: with a high power the best views decide, and the
+    texture stays sharp.
     """
     depth = rasterize(camera, mesh.vertices, mesh.faces, DEPTH_SIZE).depth
     kernel.accumulate_view(
@@ -121,11 +119,13 @@ def project_view(
     )
 
 
-def resolve(total: Float[np.ndarray, "n 4"], texels: Texels) -> tuple[Float[np.ndarray, "n 3"], Bool[np.ndarray, " n"]]:
+def resolve(
+    total: Float[np.ndarray, "n 4"], texels: Texels
+) -> tuple[Float[np.ndarray, "n 3"], Bool[np.ndarray, " n"]]:
     """Return the colour of every texel and which of them some view saw.
 
-    The others get the mean of the nearest seen texels on the surface (by distance and normal): the atlas would take it
-    from a chart that lies elsewhere on the object. Raises ValueError if no view saw anything.
+    The others get the mean of the nearest seen texels on the surface (by distance and normal): the atlas
+    would take it from a chart that lies elsewhere on the object. Raises ValueError if no view saw anything.
     """
     seen = total[:, 3] > 0
     if not seen.any():
@@ -147,29 +147,31 @@ def paint(colours: Float[np.ndarray, "n 3"], texels: Texels, padding: int) -> Fl
 
     Bilinear lookups and mip maps read across an island's border; the padding is what they must find there.
     """
-    texture = np.empty((texels.size * texels.size, 3), np.float32)
-    texture[:] = colours.mean(axis=0)
-    texture[texels.index] = colours
-    texture = texture.reshape(texels.size, texels.size, 3)
+    flat = np.empty((texels.size * texels.size, 3), np.float32)
+    flat[:] = colours.mean(axis=0)
+    flat[texels.place] = colours
+    texture = flat.reshape(texels.size, texels.size, 3)
     distance, (row, column) = distance_transform_edt(~texels.mask, return_indices=True)
     near = distance <= padding
     texture[near] = texture[row[near], column[near]]
     return texture
 
 
-def sample_texture(texture: Float[np.ndarray, "h w c"], uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n c"]:
-    """Look up a texture bilinearly, clamped at its border."""
-    out = np.empty((len(uv), texture.shape[2]), np.float32)
-    kernel.sample(np.ascontiguousarray(texture, np.float32), np.ascontiguousarray(uv, np.float64), out)
-    return out
-
-
 def render_texture(
-    fragments: Fragments, mesh: Mesh, texture: Float[np.ndarray, "h w c"]
-) -> Float[np.ndarray, "p p c"]:
-    """Return the textured mesh as the camera of `fragments` sees it, unlit; zeros where there is no face."""
-    assert mesh.uv is not None and mesh.uv_faces is not None, "unwrap the mesh first"
-    uv = interpolate(fragments, mesh.uv_faces, mesh.uv)
-    size = len(fragments.triangle)
-    picture = sample_texture(texture, uv.reshape(-1, 2)).reshape(size, size, -1)
-    return picture * fragments.mask[..., None]
+    fragments: Fragments, mesh: Mesh, texture: Float[np.ndarray, "h w 3"]
+) -> Float[np.ndarray, "p p 3"]:
+    """Return the textured mesh as the camera of `fragments` sees it, unlit; zeros where there is no face.
+
+    Lookups are bilinear, and clamped at the texture's border.
+    """
+    uv, uv_faces = texture_points(mesh)
+    picture = np.zeros((*fragments.triangle.shape, 3), np.float32)
+    kernel.look_up(
+        fragments.triangle,
+        fragments.barycentric,
+        uv.astype(np.float64),
+        np.ascontiguousarray(uv_faces, np.int32),
+        np.ascontiguousarray(texture, np.float32),
+        picture,
+    )
+    return picture

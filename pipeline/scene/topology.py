@@ -56,7 +56,8 @@ def face_components(mesh: Mesh) -> Int[np.ndarray, " f"]:
 def signed_volumes(mesh: Mesh, component: Int[np.ndarray, " f"]) -> Float[np.ndarray, " k"]:
     """Return the volume each component encloses [scene units cubed], negative if its faces point inwards.
 
-    The divergence theorem, summed from the component's own first vertex so that open or distant pieces keep their sign.
+    The divergence theorem, summed from the component's own first vertex so that open or distant pieces keep
+    their sign.
     """
     _, start = np.unique(component, return_index=True)
     vertices = mesh.vertices.astype(np.float64)
@@ -69,7 +70,9 @@ def topology(mesh: Mesh) -> Topology:
     """Count what keeps the mesh from being a closed oriented manifold."""
     faces = mesh.faces.astype(np.int64)
     half_edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    edges, inverse, count = np.unique(np.sort(half_edges, axis=1), axis=0, return_inverse=True, return_counts=True)
+    edges, inverse, count = np.unique(
+        np.sort(half_edges, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
     direction = np.bincount(inverse, np.where(half_edges[:, 0] < half_edges[:, 1], 1.0, -1.0))
     component = face_components(mesh)
     return Topology(
@@ -83,7 +86,7 @@ def topology(mesh: Mesh) -> Topology:
 
 
 def fans_per_vertex(mesh: Mesh) -> Int[np.ndarray, " v"]:
-    """Return how many fans of faces meet at each vertex: 1 on a manifold, 2 where two cones touch by their tips."""
+    """Return how many fans of faces meet at each vertex: 1 on a manifold, 2 where the tips of cones touch."""
     faces = mesh.faces.astype(np.int64)
     count = len(faces)
     # Node i * count + f is corner i of face f. Edge i of a face joins its corners i and i + 1.

@@ -1,7 +1,8 @@
 """Stage `bake`: decode rendered latent views and project them onto the texture.
 
-The decoder is a convolutional network made for pictures, so it is given pictures, not the atlas. Each texel takes its
-colour mostly from the views that see it best: averaging many views evenly would blur what they disagree about.
+The decoder is a convolutional network made for pictures, so it is given pictures, not the atlas. Each texel
+takes its colour mostly from the views that see it best: averaging many views evenly would blur what they
+disagree about.
 
 Letters: b views, h x w latent pixels, p pixels along a side of a decoded view, s texels along a side.
 """
@@ -9,6 +10,7 @@ Letters: b views, h x w latent pixels, p pixels along a side of a decoded view, 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,7 @@ from jaxtyping import Bool, Float
 from PIL import Image
 from scipy.ndimage import distance_transform_edt
 
+from pipeline.diffusion.bundle import STABLE_DIFFUSION_LATENTS, read_json
 from pipeline.diffusion.sessions import vae_decoder
 from pipeline.errors import InputError
 from pipeline.scene.cameras import Camera, ring, sphere
@@ -38,7 +41,7 @@ Decode = Callable[[Float[np.ndarray, "1 4 h w"]], Float[np.ndarray, "1 p p 3"]]
 
 
 def bake_cameras(count: int, bound: float) -> list[Camera]:
-    """Return `count` cameras that hold a ball of radius `bound` in view: a third on a ring, the rest all around."""
+    """Return `count` cameras that see all of a ball of radius `bound`: a third on a ring, the rest around."""
     radius = 1.05 * bound / np.sin(FOV / 2)
     on_ring = count // 3
     return ring(on_ring, RING_POLAR, radius, FOV) + sphere(count - on_ring, radius, FOV, POLAR_RANGE)
@@ -49,8 +52,8 @@ def extend_foreground(
 ) -> Float[np.ndarray, "4 h w"]:
     """Return latents without background: outside `mask` every pixel continues the nearest one inside.
 
-    `latents` are composited over nothing (zeros), so a half-opaque pixel holds half of its colour: it is divided
-    by its opacity. What is decoded then has no outline that could bleed into the texture.
+    `latents` are composited over nothing (zeros), so a half-opaque pixel holds half of its colour: it is
+    divided by its opacity. What is decoded then has no outline that could bleed into the texture.
     """
     if not mask.any():
         return latents
@@ -75,11 +78,12 @@ def bake_texture(
         margin: width of the zone along outlines where a view is believed less [pixels of a view].
         power: of the cosine between a texel's normal and the view; see `project_view`.
 
-    Figures: `texel_coverage`, the share of the mesh's texels some view saw, and `psnr` [dB] of the textured mesh
-    against the views inside its silhouette, `psnr_worst` of the worst view. Raises InputError if no view sees the mesh.
+    Figures: `texel_coverage`, the share of the mesh's texels some view saw, and `psnr` [dB] of the textured
+    mesh against the views inside its silhouette, `psnr_worst` of the worst view. Raises InputError if no view
+    sees the mesh.
     """
     texels = surface_texels(mesh, size)
-    total = np.zeros((len(texels.index), 4), np.float64)
+    total = np.zeros((len(texels.place), 4), np.float64)
     fragments = []
     for camera, picture in zip(cameras, views, strict=True):
         fragments.append(rasterize(camera, mesh.vertices, mesh.faces, len(picture)))
@@ -106,19 +110,29 @@ def decibels(mean_square_error: float) -> float:
     return float(-10 * np.log10(max(mean_square_error, 1e-10)))
 
 
+def trained_resolution(description: Path | None) -> int:
+    """Return the side of the latents a bundle was trained at, from its bundle.json; without one, 64."""
+    size = read_json(description).get("latent_size") if description else None
+    return STABLE_DIFFUSION_LATENTS if size is None else int(size)
+
+
 def main(context: Context) -> None:
     options = context.job.bake
     mesh = read_obj(context.inputs["mesh"])
     scene = load_scene(context.inputs["scene"])
     cameras = bake_cameras(options.views, bounding_radius(mesh))
-    rendered = render_views(scene, cameras, options.view_resolution, np.zeros(4, np.float32))
+    resolution = options.view_resolution or trained_resolution(context.inputs.get("description"))
+    rendered = render_views(scene, cameras, resolution, np.zeros(4, np.float32))
     pictures = []
-    with vae_decoder(context.inputs["vae_decoder"]) as decode, Progress("bake", len(cameras), "views") as progress:
+    with (
+        vae_decoder(context.inputs["vae_decoder"]) as decode,
+        Progress("bake", len(cameras), "views") as progress,
+    ):
         for done, (latents, opacity) in enumerate(zip(rendered.latents, rendered.opacity, strict=True), 1):
             latents = extend_foreground(latents, opacity, opacity_masks(opacity)[0])
             pictures.append(decode(latents[None])[0])
             progress.update(done)
-    margin = MARGIN * len(pictures[0]) / options.view_resolution
+    margin = MARGIN * len(pictures[0]) / resolution
     texture, figures = bake_texture(mesh, cameras, pictures, options.texture, margin)
 
     compared = comparison_cameras(COMPARED_VIEWS)
@@ -126,6 +140,7 @@ def main(context: Context) -> None:
     context.metrics.update(
         **figures,
         silhouette_iou=mean_iou(silhouettes(mesh, compared, COMPARED_SIZE), opaque),
+        view_resolution=resolution,
         view_pixels=len(pictures[0]),
         texture=options.texture,
     )

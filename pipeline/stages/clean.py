@@ -1,8 +1,8 @@
 """Stage `clean`: a raw marching-cubes mesh becomes one closed, smooth, small manifold.
 
-Order matters: what nobody can see goes first (floaters, cavities), since it would eat the face budget; smoothing comes
-before decimation, since the quadrics measure the staircase of the grid otherwise; repair comes last again, because
-collapsing edges can pinch a surface.
+Order matters: what nobody can see goes first (floaters, cavities), since it would eat the face budget;
+smoothing comes before decimation, since the quadrics measure the staircase of the grid otherwise; repair
+comes last again, because collapsing edges can pinch a surface.
 """
 
 from __future__ import annotations
@@ -98,8 +98,8 @@ def remove_floaters(mesh: Mesh, min_component: float) -> Mesh:
 def remove_cavities(mesh: Mesh) -> Mesh:
     """Return the mesh without the walls of closed hollows, which no view can see.
 
-    Marching cubes turns every face from dense to empty, so a piece with a negative volume bounds a hollow. If all
-    pieces are inside out, the whole mesh is, and nothing is removed.
+    Marching cubes turns every face from dense to empty, so a piece with a negative volume bounds a hollow. If
+    all pieces are inside out, the whole mesh is, and nothing is removed.
     """
     component = face_components(mesh)
     outer = signed_volumes(mesh, component) > 0
@@ -128,7 +128,9 @@ def repair(mesh: Mesh) -> Mesh:
 
 
 def smooth(mesh: Mesh, steps: int) -> Mesh:
-    """Return the mesh after `steps` of Taubin smoothing (lambda 0.5, mu -0.53: a low-pass that does not shrink)."""
+    """Return the mesh after `steps` of Taubin smoothing (lambda 0.5, mu -0.53: a low-pass that does not
+    shrink).
+    """
     meshes = _filters(mesh)
     meshes.apply_coord_taubin_smoothing(lambda_=0.5, mu=-0.53, stepsmoothnum=steps)
     return _result(meshes)
@@ -171,13 +173,12 @@ def main(context: Context) -> None:
     counts = topology(mesh)
     if not counts.manifold:
         raise InputError(
-            f"{context.inputs['mesh']}: {counts.non_manifold_edges} edges and {counts.non_manifold_vertices} vertices "
-            "are still not manifold after cleaning; raise extract.resolution or clean.faces"
+            f"{context.inputs['mesh']}: {counts.non_manifold_edges} edges and "
+            f"{counts.non_manifold_vertices} vertices are still not manifold after cleaning; "
+            "raise extract.resolution or clean.faces"
         )
     cameras = comparison_cameras(VIEWS)
-    kept = mean_iou(
-        silhouettes(mesh, cameras, SILHOUETTE_SIZE), silhouettes(raw, cameras, SILHOUETTE_SIZE)
-    )
+    kept = mean_iou(silhouettes(mesh, cameras, SILHOUETTE_SIZE), silhouettes(raw, cameras, SILHOUETTE_SIZE))
     context.metrics.update(
         steps=steps,
         vertices=len(mesh.vertices),

@@ -1,6 +1,7 @@
 """Stage `extract`: the surface of the density at the threshold that looks most like the renders.
 
-Letters: m samples along a side of the grid, n views, s pixels along a side. Surfaces are level sets of the logarithm of the
+Letters: m samples along a side of the grid, n views, s pixels along a side. Surfaces are level sets of the
+logarithm of the
 density: the field is the exponential of a smooth function, so its logarithm interpolates well between samples
 where the density itself makes steps.
 """
@@ -37,8 +38,8 @@ def sample_logarithm(
 ) -> Float[np.ndarray, "m m m"]:
     """Return log density at the cell centres of the box [-1, 1]^3 and of one layer of cells around it.
 
-    Points in unoccupied cells are not evaluated, since the renderer skips them too; they and the layer outside are
-    empty (-inf), which closes the surface of whatever touches the wall of the box.
+    Points in unoccupied cells are not evaluated, since the renderer skips them too; they and the layer
+    outside are empty (-inf), which closes the surface of whatever touches the wall of the box.
 
     Args:
         density: (k, 3) points -> (k,) densities [1 / scene unit].
@@ -58,7 +59,8 @@ def sample_logarithm(
 
 
 def surface(logarithm: Float[np.ndarray, "m m m"], threshold: float) -> Mesh:
-    """Return the closed surface where the density is `threshold` (Lewiner's marching cubes), outwards oriented.
+    """Return the closed surface where the density is `threshold` (Lewiner's marching cubes), outwards
+    oriented.
 
     The threshold must be below the greatest density of the grid.
     """
@@ -77,7 +79,8 @@ def choose_surface(
 ) -> tuple[Mesh, dict[str, Any]]:
     """Return the surface whose silhouettes agree best with the rendered opacities, and how it was chosen.
 
-    Thresholds are swept coarsely over all densities there are, on a logarithmic scale, then finely around the best.
+    Thresholds are swept coarsely over all densities there are, on a logarithmic scale, then finely around the
+    best.
 
     Raises:
         InputError: the scene is empty, so that no threshold can find anything.
@@ -86,8 +89,9 @@ def choose_surface(
     highest = float(np.exp(logarithm.max()))
     if float(opacity.max(initial=0.0)) < LEAST_OPACITY or not highest > 0:
         raise InputError(
-            f"the trained scene is empty (greatest opacity {float(opacity.max(initial=0.0)):.3f}, expected "
-            f"{LEAST_OPACITY} or more); try another SEED, more train_nerf.steps or less train_nerf.opacity_weight"
+            f"the trained scene is empty (greatest opacity {float(opacity.max(initial=0.0)):.3f}, "
+            f"expected {LEAST_OPACITY} or more); try another SEED, more train_nerf.steps "
+            "or less train_nerf.opacity_weight"
         )
     agreement: dict[float, float] = {}
     best: tuple[float, Mesh] | None = None

@@ -9,15 +9,18 @@ import xatlas
 from jaxtyping import Float, Int
 
 from pipeline.errors import InputError
-from pipeline.scene.mesh import Mesh, face_areas, read_ply, write_obj
+from pipeline.scene.mesh import Mesh, face_areas, read_ply, texture_points, write_obj
 from pipeline.scene.texture import surface_texels
 from pipeline.stage import Context, execute
 
-SCALES = np.linspace(1.0, 0.6, 21)  # tried in turn, of the scale at which the charts alone would fill 85 % of the texture
+SCALES = np.linspace(
+    1.0, 0.6, 21
+)  # tried in turn, of the scale at which the charts alone would fill 85 % of the texture
 
 
 def unwrap_mesh(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[str, Any]]:
-    """Return the mesh with texture coordinates in [0, 1], the same vertices and faces, and figures about them.
+    """Return the mesh with texture coordinates in [0, 1], the same vertices and faces, and figures about
+    them.
 
     Args:
         mesh: at most some ten thousands of faces: xatlas merges charts in more than linear time.
@@ -44,8 +47,8 @@ def _pack(
 ) -> tuple[Float[np.ndarray, "t 2"], int]:
     """Return texture coordinates [texels] at the largest scale tried that fits, and the number of charts.
 
-    Asked for a resolution, xatlas takes it as a hint and overshoots by a fifth; asked for a scale, it obeys. Only
-    the packing is repeated (a tenth of a second each), not the charts.
+    Asked for a resolution, xatlas takes it as a hint and overshoots by a fifth; asked for a scale, it obeys.
+    Only the packing is repeated (a tenth of a second each), not the charts.
     """
     edge_1, edge_2 = flat[index[:, 1]] - flat[index[:, 0]], flat[index[:, 2]] - flat[index[:, 0]]
     area = 0.5 * np.abs(edge_1[:, 0] * edge_2[:, 1] - edge_1[:, 1] * edge_2[:, 0]).sum()
@@ -62,7 +65,9 @@ def _pack(
             texels = np.empty((len(flat), 2), np.float64)
             texels[source] = uv.astype(np.float64) * [atlas.width, atlas.height]
             if not np.array_equal(source[packed_index], index):
-                raise InputError("xatlas reordered faces while packing: the mesh is degenerate; raise clean.faces")
+                raise InputError(
+                    "xatlas reordered faces while packing: the mesh is degenerate; raise clean.faces"
+                )
             return texels, int(atlas.chart_count)
     raise InputError(
         f"{atlas.chart_count} charts with {padding} texels of padding do not fit a texture of {resolution}; "
@@ -73,12 +78,12 @@ def _pack(
 def uv_figures(mesh: Mesh, resolution: int) -> dict[str, float]:
     """Return coverage and overlap (shares of texels) and stretch of the texture coordinates.
 
-    Stretch is the L2 measure of Sander et al. 2001: the root mean square, over the surface, of how many times longer
-    a texel is on the surface than on average; 1 is a map that keeps all lengths.
+    Stretch is the L2 measure of Sander et al. 2001: the root mean square, over the surface, of how many times
+    longer a texel is on the surface than on average; 1 is a map that keeps all lengths.
     """
-    assert mesh.uv is not None and mesh.uv_faces is not None
+    uv, uv_faces = texture_points(mesh)
     texels = surface_texels(mesh, resolution)
-    corners, flat = mesh.vertices.astype(np.float64)[mesh.faces], mesh.uv.astype(np.float64)[mesh.uv_faces]
+    corners, flat = mesh.vertices.astype(np.float64)[mesh.faces], uv.astype(np.float64)[uv_faces]
     edge_1, edge_2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     flat_1, flat_2 = flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]
     twice_area = flat_1[:, 0] * flat_2[:, 1] - flat_1[:, 1] * flat_2[:, 0]
@@ -90,7 +95,7 @@ def uv_figures(mesh: Mesh, resolution: int) -> dict[str, float]:
     square = 0.5 * ((along_u**2).sum(axis=1) + (along_v**2).sum(axis=1))
     mean_square = (square * area)[valid].sum() / area[valid].sum()
     return {
-        "coverage": len(texels.index) / resolution**2,
+        "coverage": len(texels.place) / resolution**2,
         "overlap": texels.overlap,
         "stretch": float(np.sqrt(mean_square * chart_area[valid].sum() / area[valid].sum())),
         "degenerate_faces": int((~valid).sum()),

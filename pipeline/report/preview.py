@@ -1,0 +1,90 @@
+"""Pictures of the finished asset: one view, and the sheet of eight views and four normal maps.
+
+Letters: p pixels along a side of a picture, s texels along a side of the texture. Colours are sRGB in [0, 1];
+textures are shown unlit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from pipeline.scene.cameras import Camera, ring
+from pipeline.scene.mesh import Mesh, bounding_radius, vertex_normals
+from pipeline.scene.rasterize import Fragments, interpolate, rasterize
+from pipeline.scene.texture import render_texture
+
+BACKDROP = 0.93  # a light grey, so that both black and white objects stand out
+SUPERSAMPLING = 3
+FOV = np.radians(35.0)
+POLAR = np.radians(72.0)
+GAP = 8  # pixels between tiles
+
+Shade = Callable[[Fragments, Camera], Float[np.ndarray, "p p 3"]]
+
+
+def turn(mesh: Mesh, count: int) -> list[Camera]:
+    """Return `count` cameras around the mesh that see all of it, slightly from above, the first in front."""
+    radius = 1.02 * max(bounding_radius(mesh), 1e-3) / np.sin(FOV / 2)
+    return ring(count, POLAR, radius, FOV)
+
+
+def picture(
+    mesh: Mesh, camera: Camera, size: int, shade: Shade, supersampling: int
+) -> Float[np.ndarray, "p p 3"]:
+    """Return one view on the backdrop; every pixel is the mean of `supersampling` squared samples."""
+    fragments = rasterize(camera, mesh.vertices, mesh.faces, size * supersampling)
+    samples = shade(fragments, camera)
+    samples[~fragments.mask] = BACKDROP
+    total = np.zeros((size, size, 3), np.float32)
+    for row in range(supersampling):
+        for column in range(supersampling):
+            total += samples[row::supersampling, column::supersampling]
+    return total / np.float32(supersampling**2)
+
+
+def albedo_shade(mesh: Mesh, texture: Float[np.ndarray, "s s 3"]) -> Shade:
+    """Show the texture as it is."""
+    return lambda fragments, camera: render_texture(fragments, mesh, texture)
+
+
+def normal_shade(mesh: Mesh) -> Shade:
+    """Show smooth normals in the camera's frame: red to the right, green up, blue towards the viewer."""
+    normals = vertex_normals(mesh).astype(np.float32)
+
+    def shade(fragments: Fragments, camera: Camera) -> Float[np.ndarray, "p p 3"]:
+        local = interpolate(fragments, mesh.faces, normals) @ camera.pose[:3, :3]
+        local /= np.maximum(np.linalg.norm(local, axis=-1, keepdims=True), 1e-6)
+        return np.asarray(0.5 + 0.5 * local, np.float32)
+
+    return shade
+
+
+def to_bytes(image: Float[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
+    """Return 8-bit colours."""
+    return np.asarray(np.round(np.clip(image, 0.0, 1.0) * 255), np.uint8)
+
+
+def sheet(tiles: Sequence[Float[np.ndarray, "p p 3"]], columns: int) -> Float[np.ndarray, "h w 3"]:
+    """Return tiles of one size side by side, row by row, with a gap of the backdrop around each."""
+    size = len(tiles[0])
+    rows = -(-len(tiles) // columns)
+    step = size + GAP
+    page = np.full((rows * step + GAP, columns * step + GAP, 3), BACKDROP, np.float32)
+    for place, tile in enumerate(tiles):
+        top, left = GAP + place // columns * step, GAP + place % columns * step
+        page[top : top + size, left : left + size] = tile
+    return page
+
+
+def preview(mesh: Mesh, texture: Float[np.ndarray, "s s 3"], size: int) -> Float[np.ndarray, "h w 3"]:
+    """Return the sheet: eight textured views every 45 degrees from the front, then normals every 90
+    degrees.
+    """
+    cameras = turn(mesh, 8)
+    albedo, normals = albedo_shade(mesh, texture), normal_shade(mesh)
+    tiles = [picture(mesh, camera, size, albedo, SUPERSAMPLING) for camera in cameras]
+    tiles += [picture(mesh, camera, size, normals, SUPERSAMPLING) for camera in cameras[::2]]
+    return sheet(tiles, 4)
