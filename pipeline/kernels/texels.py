@@ -60,9 +60,9 @@ def _corner(coordinate, size):
     return low, min(low + 1, size - 1), place - low
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def look_up(triangle, barycentric, uv, uv_faces, texture, out):
-    """Look up the texture bilinearly, clamped at its border, at every pixel that sees a face.
+@numba.njit(cache=True, nogil=True)
+def look_up(start, stop, triangle, barycentric, uv, uv_faces, texture, out):
+    """Look up the texture bilinearly, clamped at its border, at every pixel of some rows that sees a face.
 
     Args:
         triangle, barycentric: (h, w) int32 and (h, w, 3) float32, what each pixel sees; -1 is nothing.
@@ -70,9 +70,8 @@ def look_up(triangle, barycentric, uv, uv_faces, texture, out):
         texture: (s, s, 3) float32.
         out: (h, w, 3) float32, written where a face is seen.
     """
-    height, width = triangle.shape
-    for row in numba.prange(height):
-        for column in range(width):
+    for row in range(start, stop):
+        for column in range(triangle.shape[1]):
             face = triangle[row, column]
             if face < 0:
                 continue
@@ -88,9 +87,11 @@ def look_up(triangle, barycentric, uv, uv_faces, texture, out):
                 out[row, column, c] = top * (1.0 - fy) + bottom * fy
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
-def accumulate_view(pose, half, position, normal, depth, picture, trust, power, least_cosine, bias, total):
-    """Add one view's colours to the texels it sees: each texel is a thread's own, so threads do not matter.
+@numba.njit(cache=True, nogil=True)
+def accumulate_view(
+    start, stop, pose, half, position, normal, depth, picture, trust, power, least_cosine, bias, total
+):
+    """Add one view's colours to those texels from `start` to `stop` that it sees.
 
     Args:
         pose, half: camera to world (4, 4), and tan(fov / 2).
@@ -103,7 +104,7 @@ def accumulate_view(pose, half, position, normal, depth, picture, trust, power, 
     """
     size = depth.shape[0]
     height, width, _ = picture.shape
-    for i in numba.prange(position.shape[0]):
+    for i in range(start, stop):
         vx = pose[0, 3] - position[i, 0]
         vy = pose[1, 3] - position[i, 1]
         vz = pose[2, 3] - position[i, 2]

@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
+from pipeline.kernels import parallel
 from pipeline.kernels import texels as kernel
 from pipeline.scene.cameras import Camera
 from pipeline.scene.mesh import Mesh, face_normals, texture_points, vertex_normals
@@ -104,7 +105,9 @@ def project_view(
     texture stays sharp.
     """
     depth = rasterize(camera, mesh.vertices, mesh.faces, DEPTH_SIZE).depth
-    kernel.accumulate_view(
+    parallel.run(
+        kernel.accumulate_view,
+        len(total),
         np.asarray(camera.pose, np.float64),
         float(np.tan(camera.fov / 2)),
         texels.position,
@@ -116,6 +119,7 @@ def project_view(
         LEAST_COSINE,
         DEPTH_BIAS,
         total,
+        block=8192,
     )
 
 
@@ -166,12 +170,15 @@ def render_texture(
     """
     uv, uv_faces = texture_points(mesh)
     picture = np.zeros((*fragments.triangle.shape, 3), np.float32)
-    kernel.look_up(
+    parallel.run(
+        kernel.look_up,
+        len(picture),
         fragments.triangle,
         fragments.barycentric,
         uv.astype(np.float64),
         np.ascontiguousarray(uv_faces, np.int32),
         np.ascontiguousarray(texture, np.float32),
         picture,
+        block=64,
     )
     return picture
