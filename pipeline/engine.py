@@ -105,7 +105,7 @@ def environment(threads: int, base: Mapping[str, str]) -> dict[str, str]:
 
 
 def _plan_unless_broken(job: Job, run: Path, bundle: Path) -> list[Step]:
-    """Return the plan, or nothing where a file of the bundle is missing: the bundle's own check names it better."""
+    """Return the plan, or nothing where a file of the bundle is missing: its own check names that better."""
     with contextlib.suppress(FileNotFoundError):
         return make_plan(job, run, read_chain(run, bundle))
     return []
@@ -198,7 +198,7 @@ def _failure(run: Path, status: int) -> InputError | StageFailure:
 
 @contextlib.contextmanager
 def _locked(run: Path) -> Iterator[int]:
-    """Hold the run's folder for this process alone. The kernel drops the lock when its holders end, however."""
+    """Hold the run's folder for this process alone. The kernel drops the lock when its holders end."""
     run.mkdir(parents=True, exist_ok=True)
     descriptor = os.open(run / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
     try:
