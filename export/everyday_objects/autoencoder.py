@@ -1,7 +1,7 @@
 """The autoencoder: 128 px pictures to 32 x 32 latents of 4 channels and back, by convolutions alone.
 
-The latents have unit variance a channel (a batch normalisation without parameters ends the encoder; its running
-statistics are constants in the exported graph), so the bundle's latent scale is 1.
+The latents have unit variance a channel (a batch normalisation without parameters ends the encoder; its
+running statistics are constants in the exported graph), so the bundle's latent scale is 1.
 """
 
 import torch
@@ -72,8 +72,8 @@ def autoencoder_loss(
 ) -> tuple[Tensor, Tensor]:
     """Return the training loss and the plain mean squared error of one batch (b, 3, h, w).
 
-    L1 + 2 MSE + 0.5 L1 of the gradients + 0.5 linear latent -> RGB + 0.05 correlation between latent channels; the decoder
-    sees latents with noise, since those of score distillation are never clean.
+    L1 + 2 MSE + 0.5 L1 of the gradients + 0.5 linear latent -> RGB + 0.05 correlation between latent
+    channels; the decoder sees latents with noise, since those of score distillation are never clean.
     """
     latents = encoder(images)
     decoded = decoder(latents + noise * torch.randn_like(latents)).float()

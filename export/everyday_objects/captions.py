@@ -1,7 +1,7 @@
 """Colour words and captions.
 
-Colours are named by what is seen (unlit), with boundaries in hue, saturation and value; the same boundaries bound the
-colours that recolouring draws, so a caption and its picture agree by construction.
+Colours are named by what is seen (unlit), with boundaries in hue, saturation and value; the same boundaries
+bound the colours that recolouring draws, so a caption and its picture agree by construction.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 """Read the models of Debian's `sweethome3d-furniture` (CC0 and CC-BY 3.0) into plain arrays.
 
-Each library is a zip (`.sh3f`) of OBJ + MTL folders and a `PluginFurnitureCatalog.properties` file (latin-1) with one
-numbered block of keys a model. Models stand in centimetres, y up, their front to +z.
+Each library is a zip (`.sh3f`) of OBJ + MTL folders and a `PluginFurnitureCatalog.properties` file (latin-1)
+with one numbered block of keys a model. Models stand in centimetres, y up, their front to +z.
 """
 
 import re
@@ -84,7 +84,9 @@ def read_catalogue(work: Path) -> list[Entry]:
 
 
 def load_model(entry: Entry) -> Model:
-    """Load an entry's OBJ, scaled to the catalogue's size (uniformly where that would distort by over 15 %)."""
+    """Load an entry's OBJ, scaled to the catalogue's size (uniformly where that would distort by over 15
+    %).
+    """
     path = entry.path if entry.path.suffix == ".obj" else next(entry.path.parent.glob("*.obj"))
     scene = trimesh.load(path, force="scene", process=False)
     vertices, faces, uvs, material, colours, textures, names = [], [], [], [], [], [], []
@@ -119,7 +121,9 @@ def load_model(entry: Entry) -> Model:
 
 
 def stretch(points: np.ndarray, size: tuple[float, float, float]) -> np.ndarray:
-    """Scale (v, 3) points to `size` unless some axis would be distorted by more than 15 % against the others."""
+    """Scale (v, 3) points to `size` unless some axis would be distorted by more than 15 % against the
+    others.
+    """
     extent = np.ptp(points, axis=0)
     scale = np.asarray(size) / np.maximum(extent, 1e-9)
     if min(size) <= 0 or extent.min() <= 0 or scale.max() > 1.15 * scale.min():
@@ -134,7 +138,9 @@ def fit(points: np.ndarray) -> np.ndarray:
 
 
 def pack_textures(images: list) -> np.ndarray:
-    """Resize the materials' pictures (or None) to one (m, size, size, 4) uint8 array, its first row at v = 0."""
+    """Resize the materials' pictures (or None) to one (m, size, size, 4) uint8 array, its first row at v =
+    0.
+    """
     if not any(i is not None for i in images):
         return np.zeros((1, 1, 1, 4), np.uint8)
     packed = np.full((len(images), TEXTURE_SIZE, TEXTURE_SIZE, 4), 255, np.uint8)

@@ -1,7 +1,8 @@
 """Pictures and captions for training: random object, look, camera, light and background, in numbered shards.
 
-`python -m export.everyday_objects.dataset WORK --shards 8` writes WORK/shards/NNN.npy (n, 128, 128, 3) uint8 and
-NNN.json (captions and what each picture shows). A shard depends on its number alone; finished shards are kept.
+`python -m export.everyday_objects.dataset WORK --shards 8` writes WORK/shards/NNN.npy (n, 128, 128, 3) uint8
+and NNN.json (captions and what each picture shows). A shard depends on its number alone; finished shards are
+kept.
 """
 
 import argparse
@@ -46,7 +47,8 @@ class Sample(NamedTuple):
 
 
 def split_entries(work: Path) -> tuple[dict[str, list], dict[str, list]]:
-    """Return catalogue entries by noun: those to train on and the held-out ones (every fourth or later one from 4 up).
+    """Return catalogue entries by noun: those to train on and the held-out ones (every fourth or later one
+    from 4 up).
 
     Whole objects are held out, one in eight but at least one, of every noun with four models or more.
     """
@@ -69,7 +71,9 @@ def load_sources(entries: dict[str, list]) -> list[Source]:
 
 
 def recolour(rng: np.random.Generator, model: Model) -> tuple[Model, np.ndarray, str]:
-    """Paint a model's main materials in one named colour or in wood; return it, the grain strengths, and the word."""
+    """Paint a model's main materials in one named colour or in wood; return it, the grain strengths, and the
+    word.
+    """
     area = face_areas(model)
     share = np.bincount(model.material, area, minlength=len(model.colours)) / area.sum()
     order = np.argsort(-share, kind="stable")
@@ -160,13 +164,15 @@ def _shard_part(arguments: tuple[int, int, int]) -> tuple[np.ndarray, list[dict]
         sample = draw_sample(rng, source)
         images[i - start] = np.round(sample.image * 255)
         text = captions.caption(rng, sample.noun, sample.look, sample.azimuth, sample.polar)
-        rows.append({"caption": text, "noun": sample.noun.words[0], "look": sample.look,
-                     "azimuth": round(sample.azimuth, 4), "polar": round(float(sample.polar), 4)})  # fmt: skip
+        view = {"azimuth": round(sample.azimuth, 4), "polar": round(float(sample.polar), 4)}
+        rows.append({"caption": text, "noun": sample.noun.words[0], "look": sample.look, **view})
     return images, rows
 
 
 def write_shards(work: Path, numbers: range, held_out: bool = False) -> None:
-    """Write the shards that are missing, of the training objects or of the held-out ones (folder `held_out`)."""
+    """Write the shards that are missing, of the training objects or of the held-out ones (folder
+    `held_out`).
+    """
     folder = work / ("held_out" if held_out else "shards")
     folder.mkdir(parents=True, exist_ok=True)
     missing = [n for n in numbers if not (folder / f"{n:03d}.json").exists()]

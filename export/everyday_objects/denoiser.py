@@ -135,7 +135,9 @@ class Denoiser(nn.Module):
         nn.init.zeros_(self.head.bias)
 
     def forward(self, sample: Tensor, timestep: Tensor, encoder_hidden_states: Tensor) -> Tensor:
-        """Latents (b, 4, h, w) with h and w multiples of 8, timesteps (b,) integer, text (b, l, d) to v (b, 4, h, w)."""
+        """Latents (b, 4, h, w), h and w multiples of 8, timesteps (b,) integer, text (b, l, d) to v of the
+        latents' shape.
+        """
         steps = torch.arange(self.width // 2, dtype=torch.float32, device=sample.device)
         phase = timestep.float()[:, None] * torch.exp(-math.log(10000.0) * steps / (self.width // 2))
         embedding = self.time(torch.cat([phase.sin(), phase.cos()], dim=1))

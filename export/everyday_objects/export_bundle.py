@@ -1,6 +1,9 @@
-"""Export the trained networks as a bundle in Optimum's layout: `python -m export.everyday_objects.export_bundle WORK`.
+"""Export the trained networks as a bundle in Optimum's layout.
 
-Weights are stored in fp16 and computed in fp32; every graph is run and compared with torch before it is installed.
+`python -m export.everyday_objects.export_bundle WORK [--folder onnx_models/everyday-objects]`
+
+Weights are stored in fp16 and computed in fp32; every graph is run and compared with torch before it is
+installed.
 """
 
 import argparse
@@ -115,8 +118,8 @@ def export_graphs(folder: Path, networks: tuple[Encoder, Decoder, Denoiser, Text
         ),
         "unet": export_graph(
             denoiser, unet_inputs(2), ["out_sample"], folder / "unet",
-            dynamic_axes={"sample": {0: "batch"}, "timestep": {0: "batch"}, "encoder_hidden_states": {0: "batch"}},
-            check_inputs=[unet_inputs(8)], half_weights=True,
+            dynamic_axes={name: {0: "batch"} for name in unet_inputs(2)}, check_inputs=[unet_inputs(8)],
+            half_weights=True,
         ),
         "vae_decoder": export_graph(
             DecoderGraph(decoder), {"latent_sample": latents(2, size)}, ["sample"], folder / "vae_decoder",
@@ -177,7 +180,8 @@ def export_bundle(work: Path, folder: Path) -> None:
             },
             "licences": {
                 "weights": "Apache-2.0",
-                "models": "CC0 1.0 (BlendSwap-CC-0) and CC-BY 3.0 (BlendSwap-CC-BY, KatorLegaz, Reallusion, Scopia)",
+                "models": "CC0 1.0: BlendSwap-CC-0; CC-BY 3.0: BlendSwap-CC-BY, KatorLegaz, "
+                "Reallusion, Scopia",
             },
         },
     )

@@ -58,7 +58,8 @@ def ellipsoid(radii, colour: np.ndarray, at=(0.0, 0.0, 0.0), top: float = 0.0, b
 def box(size, colour: np.ndarray, at=(0.0, 0.0, 0.0)) -> Part:
     """An axis-parallel box, `at` its centre."""
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
+    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6],
+             [0, 2, 6], [0, 6, 4],
              [1, 5, 7], [1, 7, 3]]  # fmt: skip
     return corners * np.asarray(size) + at, np.array(faces), colour
 
@@ -133,7 +134,8 @@ def house(rng: np.random.Generator) -> Model:
     )
     parts: list[Part] = [box((w, h, d), wall, (0, h / 2, 0))]
     if hip == 0:
-        gable = np.array([[-w / 2, h, d / 2], [w / 2, h, d / 2], [0, h + r, d / 2], [-w / 2, h, -d / 2], [w / 2, h, -d / 2],
+        gable = np.array([[-w / 2, h, d / 2], [w / 2, h, d / 2], [0, h + r, d / 2], [-w / 2, h, -d / 2],
+                          [w / 2, h, -d / 2],
                           [0, h + r, -d / 2]])  # fmt: skip
         parts.append((gable, np.array([[0, 1, 2], [3, 5, 4]]), wall))
         slopes = slopes[[0, 1, 2, 3]]
@@ -291,6 +293,7 @@ def pumpkin(rng: np.random.Generator) -> Model:
 
 
 MAKERS: dict[str, Callable[[np.random.Generator], Model]] = {
-    "mushroom": mushroom, "house": house, "rocket": rocket, "donut": donut, "duck": duck, "snowman": snowman, "mug": mug,
+    "mushroom": mushroom, "house": house, "rocket": rocket, "donut": donut, "duck": duck, "snowman": snowman,
+    "mug": mug,
     "ball": ball, "ice cream": ice_cream, "pumpkin": pumpkin,
 }  # fmt: skip

@@ -1,7 +1,7 @@
 """Pictures of catalogue models: z-buffer with alpha test, soft light, anti-aliased, on a plain background.
 
-Everything is drawn at twice the size and averaged 2 x 2. Colours are sRGB in [0, 1], and light multiplies them there:
-these are pictures for a texture model, not photometry.
+Everything is drawn at twice the size and averaged 2 x 2. Colours are sRGB in [0, 1], and light multiplies
+them there: these are pictures for a texture model, not photometry.
 """
 
 from typing import NamedTuple
@@ -130,7 +130,8 @@ def render(
 ) -> Picture:
     """Render `model` into a `size` x `size` picture.
 
-    wood: (m,) strength of a wood grain per material, 0 = none. background: (3,) or (2 size, 2 size, 3) colours.
+    wood: (m,) strength of a wood grain per material, 0 = none. background: (3,) or (2 size, 2 size, 3)
+    colours.
     """
     xy, depth = project(camera, model.vertices)
     screen = np.concatenate([xy * (2 * size), 1.0 / depth[:, None]], axis=1)
@@ -138,7 +139,8 @@ def render(
     colour[:] = background
     inverse_depth = np.zeros((2 * size, 2 * size))
     albedo = np.zeros((2 * size, 2 * size, 3), np.float32)
-    _draw(screen, model.vertices, model.faces, model.uv, model.material, model.colours, model.textured, model.textures,
+    _draw(screen, model.vertices, model.faces, model.uv, model.material, model.colours, model.textured,
+    model.textures,
           wood, np.array([light.ambient, light.directional, light.sky]), light.direction, camera.pose[:3, 3],
           colour, inverse_depth, albedo)  # fmt: skip
     image = (colour[::2, ::2] + colour[1::2, ::2] + colour[::2, 1::2] + colour[1::2, 1::2]) / 4

@@ -1,9 +1,10 @@
 """Look at what the exported model paints: a sheet of DDIM samples, one prompt a row, one view a column.
 
-`python -m export.everyday_objects.sample OUT.png "a red armchair" "a blue car" [--folder onnx_models/everyday-objects]`
+`python -m export.everyday_objects.sample OUT.png "a red armchair" "a blue car" [--folder BUNDLE]`
 """
 
 import argparse
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,7 @@ def ddim(
     rng = np.random.default_rng(seed)
     x = rng.standard_normal((len(cond), 4, size, size)).astype(np.float32)
     timesteps = np.linspace(len(schedule.alphas_cumprod) - 1, 0, steps + 1).round().astype(np.int64)
-    for now, after in zip(timesteps[:-1], timesteps[1:], strict=True):
+    for now, after in itertools.pairwise(timesteps):
         t = np.full(len(cond), now)
         without, told = denoise(x, t, np.broadcast_to(uncond, cond.shape)), denoise(x, t, cond)
         output = without + guidance * (told - without)

@@ -1,6 +1,8 @@
-"""Train the autoencoder on the rendered shards, then encode all of them: WORK/autoencoder.pt, WORK/latents/NNN.npy.
+"""Train the autoencoder on the rendered shards, then encode all of them: WORK/autoencoder.pt,
+WORK/latents/NNN.npy.
 
-`python -m export.everyday_objects.train_autoencoder WORK --steps 6000`; resumes from WORK/autoencoder.state.pt.
+`python -m export.everyday_objects.train_autoencoder WORK --steps 6000`; resumes from
+WORK/autoencoder.state.pt.
 """
 
 import argparse
@@ -56,8 +58,9 @@ def train(work: Path, steps: int, batch: int = 16, rate: float = 1.5e-3) -> tupl
             average = 0.98 * average + 0.02 * mse.item() if average else mse.item()
             progress.update(step + 1, f"loss {loss.item():.4f} psnr {-10 * np.log10(average):.2f} dB")
             if (step + 1) % 500 == 0 or step + 1 == steps:
-                torch.save({"encoder": encoder.state_dict(), "decoder": decoder.state_dict(),
-                            "optimiser": optimiser.state_dict(), "step": step + 1}, f"{state}.new")  # fmt: skip
+                saved = {"encoder": encoder.state_dict(), "decoder": decoder.state_dict(),
+                         "optimiser": optimiser.state_dict(), "step": step + 1}  # fmt: skip
+                torch.save(saved, f"{state}.new")
                 os.replace(f"{state}.new", state)
     return encoder.eval(), decoder.eval()
 

@@ -1,8 +1,9 @@
-"""Train the denoiser and the text encoder together on the encoded shards; keeps a moving average of the weights.
+"""Train the denoiser and the text encoder together on the encoded shards; keeps a moving average of the
+weights.
 
-`python -m export.everyday_objects.train_denoiser WORK --steps 10000` writes WORK/denoiser.pt (the average, what is
-exported) and resumes from WORK/denoiser.state.pt. The rate is constant, then falls linearly over the last fifth of
-`--steps`: a longer training goes on from any state that was saved before its fall, or after it.
+`python -m export.everyday_objects.train_denoiser WORK --steps 10000` writes WORK/denoiser.pt (the average,
+what is exported) and resumes from WORK/denoiser.state.pt. The rate is constant, then falls linearly over the
+last fifth of `--steps`: a longer training goes on from any state that was saved before its fall, or after it.
 """
 
 import argparse
@@ -77,7 +78,8 @@ def train(work: Path, steps: int, batch: int = 64, rate: float = 6e-4) -> None:
             picks = rng.integers(len(latents), size=batch)
             ids = np.stack([tokenizer.encode(draw_caption(rng, rows[i])) for i in picks])
             clean = torch.from_numpy(latents[picks].astype(np.float32))
-            # One timestep in each of `batch` equal strata: the loss of a step varies less than with free draws.
+            # One timestep in each of `batch` equal strata: the loss of a step varies less than with free
+            # draws.
             t = torch.from_numpy(
                 ((np.arange(batch) + rng.random(batch)) * TIMESTEPS / batch).astype(np.int64)
             )

@@ -1,7 +1,7 @@
 """Z-buffer rasterisation of one picture: the nearest triangle at every pixel centre.
 
-Letters: v vertices, f faces. `screen` holds (x [px], y [px], 1 / depth) per vertex; interpolating 1 / depth linearly
-in the picture is exact under perspective, and so are barycentrics weighted by it.
+Letters: v vertices, f faces. `screen` holds (x [px], y [px], 1 / depth) per vertex; interpolating 1 / depth
+linearly in the picture is exact under perspective, and so are barycentrics weighted by it.
 """
 
 import numba
@@ -12,8 +12,8 @@ import numpy as np
 def draw(screen, faces, triangle, barycentric, inverse_depth):
     """Draw triangles into `triangle` (h, w), `barycentric` (h, w, 3), `inverse_depth` (h, w), in place.
 
-    Faces with a vertex at or behind the camera (1 / depth <= 0) are skipped, as are those without area. Of two
-    faces at the same depth the first one wins, so the result does not depend on anything but the input.
+    Faces with a vertex at or behind the camera (1 / depth <= 0) are skipped, as are those without area. Of
+    two faces at the same depth the first one wins, so the result does not depend on anything but the input.
     """
     height, width = triangle.shape
     for f in range(faces.shape[0]):

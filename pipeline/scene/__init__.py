@@ -1,1 +1,3 @@
-"""The scene: cameras, field, volume rendering, occupancy, meshes. Mathematics; no files except meshes and checkpoints."""
+"""The scene: cameras, field, volume rendering, occupancy, meshes. Mathematics; no files except meshes and
+checkpoints.
+"""

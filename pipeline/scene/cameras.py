@@ -66,8 +66,8 @@ def sample_cameras(
 ) -> tuple[list[Camera], Float[np.ndarray, " count"], Float[np.ndarray, " count"]]:
     """Draw training cameras; return them with their azimuths and polar angles.
 
-    Azimuths are stratified (one in each of `count` equal sectors, the whole set turned at random), so that the
-    views of one step disagree about as little of the object as possible; the other ranges are uniform.
+    Azimuths are stratified (one in each of `count` equal sectors, the whole set turned at random), so that
+    the views of one step disagree about as little of the object as possible; the other ranges are uniform.
     """
     azimuths = (2 * np.pi / count) * (np.arange(count) + rng.uniform(0, 1, count)) + rng.uniform(0, 2 * np.pi)
     azimuths = np.mod(azimuths, 2 * np.pi)
@@ -80,8 +80,10 @@ def sample_cameras(
 
 def camera_rays(
     camera: Camera, size: int
-) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "size*size 3"]]:
-    """Return the ray origin and the unit directions through the pixel centres of a `size` x `size` picture."""
+) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "rays 3"]]:
+    """Return the ray origin and the unit directions through the pixel centres of a `size` x `size`
+    picture.
+    """
     half = np.tan(camera.fov / 2)
     steps = ((np.arange(size) + 0.5) / size * 2 - 1) * half
     x, y = np.meshgrid(steps, -steps)
@@ -93,7 +95,8 @@ def camera_rays(
 def project(
     camera: Camera, points: Float[np.ndarray, "n 3"]
 ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, " n"]]:
-    """Return picture coordinates in [0, 1] x [0, 1] (top-left origin) and depths along the viewing axis, float64.
+    """Return picture coordinates in [0, 1] x [0, 1] (top-left origin) and depths along the viewing axis,
+    float64.
 
     Points at or behind the camera plane have depth <= 0 and coordinates without meaning (NaN at depth 0).
     """

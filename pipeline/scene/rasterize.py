@@ -15,7 +15,9 @@ class Fragments(NamedTuple):
     triangle: Int[np.ndarray, "h w"]
     """Index of the nearest face, -1 where there is none; int32."""
     barycentric: Float[np.ndarray, "h w 3"]
-    """Weights of that face's three vertices (perspective-correct, sum 1; zeros where there is none); float32."""
+    """Weights of that face's three vertices (perspective-correct, sum 1; zeros where there is none);
+    float32.
+    """
     depth: Float[np.ndarray, "h w"]
     """Distance along the viewing axis, infinite where there is no face; float32."""
 

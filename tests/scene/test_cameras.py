@@ -30,9 +30,12 @@ def test_pose_is_rigid_and_looks_at_the_origin(polar):
 def test_front_view_has_x_to_the_right_and_y_up():
     camera = orbit_camera(0, np.pi / 2, 2, 1)
     (right, up, middle), depth = project(camera, np.array([[0.3, 0, 0], [0, 0.3, 0], [0, 0, 0]]))
-    assert right[0] > 0.5 and np.isclose(right[1], 0.5)
-    assert up[1] < 0.5 and np.isclose(up[0], 0.5)
-    assert np.allclose(middle, 0.5) and np.allclose(depth, 2)
+    assert right[0] > 0.5
+    assert np.isclose(right[1], 0.5)
+    assert up[1] < 0.5
+    assert np.isclose(up[0], 0.5)
+    assert np.allclose(middle, 0.5)
+    assert np.allclose(depth, 2)
 
 
 def test_projection_at_the_edge_of_the_field_of_view():
@@ -56,9 +59,11 @@ def test_samples_stay_in_range_and_cover_every_sector():
     rng = np.random.default_rng(0)
     cameras, azimuths, polars = sample_cameras(rng, 8, (1.0, 1.5), (0.7, 1.2), (0.5, 2.0))
     radii = [np.linalg.norm(c.pose[:3, 3]) for c in cameras]
-    assert min(radii) >= 1 and max(radii) <= 1.5
+    assert min(radii) >= 1
+    assert max(radii) <= 1.5
     assert all(0.7 <= c.fov <= 1.2 for c in cameras)
-    assert polars.min() >= 0.5 and polars.max() <= 2.0
+    assert polars.min() >= 0.5
+    assert polars.max() <= 2.0
     gaps = np.diff(np.sort(azimuths), append=np.min(azimuths) + 2 * np.pi)
     assert gaps.max() <= 2 * 2 * np.pi / 8 + 1e-9
     assert ((azimuths >= 0) & (azimuths < 2 * np.pi)).all()

@@ -36,7 +36,8 @@ def test_barycentrics_are_perspective_correct():
     rays = directions.reshape(size, size, 3)[fragments.mask]
     along = seen - origin
     across = along - np.sum(along * rays, axis=1, keepdims=True) * rays
-    assert len(seen) > 100 and np.abs(across).max() < 1e-5
+    assert len(seen) > 100
+    assert np.abs(across).max() < 1e-5
 
 
 def test_the_nearer_of_two_faces_wins_whatever_their_order():
@@ -62,4 +63,5 @@ def test_degenerate_hidden_and_absent_faces_draw_nothing():
     for vertices in (line, behind, through):
         assert not rasterize(camera, vertices, np.array([[0, 1, 2]]), 16).mask.any()
     empty = rasterize(camera, np.zeros((3, 3)), np.zeros((0, 3), int), 16)
-    assert not empty.mask.any() and np.isinf(empty.depth).all()
+    assert not empty.mask.any()
+    assert np.isinf(empty.depth).all()
