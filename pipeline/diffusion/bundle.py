@@ -199,12 +199,12 @@ def latent_size(unet_folder: Path) -> int:
 
 def _field(place: Path, values: dict[str, Any], key: str, kind: type[T], default: T) -> T:
     """Return values[key] (default where absent) as a `kind`; numbers must be positive, below a million."""
-    value = values.get(key, default)
+    value: Any = values.get(key, default)
     if kind is float and type(value) is int:
         value = float(value)
-    is_number = kind in (int, float)
-    if type(value) is not kind or (is_number and not 0 < value < 1e6):
-        wanted = f"positive {kind.__name__}" if is_number else kind.__name__
+    out_of_range = isinstance(value, (int, float)) and not 0 < value < 1e6
+    if type(value) is not kind or out_of_range:
+        wanted = f"positive {kind.__name__}" if kind in (int, float) else kind.__name__
         raise InputError(f"{place}: {key} is {value!r}, expected a {wanted}; correct it or export again")
     return value
 

@@ -217,7 +217,7 @@ def denoiser(folder: Path, threads: int | None = None) -> Iterator[Denoise]:
                 rows = np.minimum(np.arange(fixed), len(sample) - 1)
             timestep = timesteps[rows]
             if one_timestep:
-                timestep = timestep[0] if graph.rank("timestep") == 0 else timestep[:1]
+                timestep = timestep[:1].reshape((1,) * (graph.rank("timestep") or 0))
             feeds = {"sample": sample[rows], "timestep": timestep, "encoder_hidden_states": text[rows]}
             when = f" at timestep {', '.join(map(str, np.unique(timesteps)))}"
             return graph.pick(graph.run(feeds), ("out_sample", "sample"), 4, when)[: len(sample)]

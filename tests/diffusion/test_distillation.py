@@ -136,7 +136,7 @@ def test_descent_on_the_ideal_denoiser_of_a_gaussian_ends_at_its_mean(
                 latents, denoise, schedule, random.integers(20, 700, 2),
                 random.normal(size=latents.shape).astype(np.float32), text, text[0], 5.0, signal_power=power,
             )  # fmt: skip
-            latents = latents - 0.2 * step.gradient
+            latents -= 0.2 * step.gradient
             if index >= 200:
                 average += latents / 200
     mean = DISC[:, None, None] * disc(64).reshape(16, 4, 16, 4).mean((1, 3))

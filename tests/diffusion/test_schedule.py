@@ -115,7 +115,8 @@ def test_a_perfect_prediction_gives_back_image_and_noise(kind: str) -> None:
     output = raw_output(kind, clean, noise).astype(np.float32)
     found_clean = schedule.to_clean(output, noisy, TIMESTEPS)
     found_noise = schedule.to_epsilon(output, noisy, TIMESTEPS)
-    assert (found_clean.dtype, found_noise.dtype) == (np.float32, np.float32)
+    assert found_clean.dtype == np.float32
+    assert found_noise.dtype == np.float32
     assert np.isfinite(found_clean).all()
     assert np.isfinite(found_noise).all()
     # float32 rounding of latents, divided where the formula divides; pure noise does not tell the image.

@@ -164,7 +164,9 @@ def test_the_vae_maps_colours_there_and_back(tmp_path: Path, moments: bool, scal
     with vae_encoder(tmp_path / "encoder") as encode, vae_decoder(tmp_path / "decoder") as decode:
         latents = encode(images)
         back = decode(latents)
-    assert (latents.shape, back.shape, back.dtype) == ((2, 4, 3, 5), images.shape, np.float32)
+    assert latents.shape == (2, 4, 3, 5)
+    assert back.shape == images.shape
+    assert back.dtype == np.float32
     np.testing.assert_allclose(back, images, atol=1e-5)
     # The scale is applied outside the graph: unscaled latents obey the linear map.
     colours = np.einsum("rc,bchw->bhwr", LATENT_TO_RGB, latents / scale) + RGB_BIAS

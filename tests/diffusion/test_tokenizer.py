@@ -42,7 +42,7 @@ def spelled(tokenizer: ClipTokenizer, text: str) -> list[str]:
     """Return the tokens of `text` between begin and end."""
     ids = tokenizer.encode(text).tolist()
     assert ids[0] == tokenizer.begin
-    return [tokenizer.engine.id_to_token(i) for i in ids[1 : ids.index(tokenizer.end)]]
+    return [str(tokenizer.engine.id_to_token(i)) for i in ids[1 : ids.index(tokenizer.end)]]
 
 
 @pytest.mark.parametrize(
@@ -151,7 +151,7 @@ def test_bytes_come_back(trained: ClipTokenizer, text: str) -> None:
     """Decoding the tokens gives the normalised text: no character is lost, whatever its script."""
     normal = trained.engine.normalizer.normalize_str(text)
     letters = "".join(
-        trained.engine.id_to_token(i) for i in trained.engine.encode(text, add_special_tokens=False).ids
+        str(trained.engine.id_to_token(i)) for i in trained.engine.encode(text, add_special_tokens=False).ids
     )
     byte_of = {character: byte for byte, character in zip(byte_order(), bytes_alphabet(), strict=True)}
     back = bytes(byte_of[c] for c in letters.replace("</w>", "")).decode("utf-8")

@@ -29,6 +29,7 @@ class SmallUNet(nn.Module):
         self.query, self.key = nn.Linear(32, 32), nn.Linear(16, 32)
         self.time = nn.Linear(32, 32)
         self.head = nn.Conv2d(32, 4, 3, padding=1)
+        self.frequencies: Tensor
         self.register_buffer("frequencies", torch.exp(torch.linspace(0, -9, 16)))
 
     def forward(self, sample: Tensor, timestep: Tensor, encoder_hidden_states: Tensor) -> Tensor:
@@ -36,10 +37,13 @@ class SmallUNet(nn.Module):
         phase = timestep.float()[:, None] * self.frequencies
         hidden = hidden + self.time(torch.cat([phase.sin(), phase.cos()], 1))[:, :, None, None]
         tokens = hidden.flatten(2).transpose(1, 2)
-        keys = self.key(encoder_hidden_states).unflatten(2, (4, 8)).transpose(1, 2)
-        queries = self.query(tokens).unflatten(2, (4, 8)).transpose(1, 2)
+        keys, queries = self.heads(self.key(encoder_hidden_states)), self.heads(self.query(tokens))
         seen = F.scaled_dot_product_attention(queries, keys, keys).transpose(1, 2).flatten(2)
-        return self.head(F.silu(hidden + seen.transpose(1, 2).unflatten(2, hidden.shape[2:])))
+        output: Tensor = self.head(F.silu(hidden + seen.transpose(1, 2).reshape(hidden.shape)))
+        return output
+
+    def heads(self, tokens: Tensor) -> Tensor:
+        return tokens.reshape(*tokens.shape[:2], 4, 8).transpose(1, 2)
 
 
 def feeds(batch: int, size: int) -> dict[str, Tensor]:

@@ -31,8 +31,10 @@ def context(bundle: Path, folder: Path, prompt: str, negative: str = "", encoder
     )
 
 
-def run(bundle: Path, folder: Path, prompt: str, **options: str) -> tuple[dict[str, np.ndarray], list[str]]:
-    made = context(bundle, folder, prompt, **options)
+def run(
+    bundle: Path, folder: Path, prompt: str, negative: str = ""
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    made = context(bundle, folder, prompt, negative)
     main(made)
     with np.load(folder / "embeddings.npz", allow_pickle=False) as file:
         return dict(file), made.metrics["warnings"]
