@@ -1,8 +1,8 @@
-"""The project with stages that take no time: the real front door, Snakefile, contract and report around fakes.
+"""The project with stages that take no time: real front door, Snakefile, contract and report.
 
-Every fake writes a digest of its options and inputs, so that outputs change exactly when they should. `train_nerf`
-counts up in its scratch folder, slowly if told so, and is what gets killed. What a fake does can be changed by
-files in the project's folder: `fail-<stage>` holds "input" or "fault", `slow` holds seconds a step.
+Every fake writes a digest of its options and inputs, so that outputs change exactly when they should.
+`train_nerf` counts up in its scratch folder, slowly if told so, and gets killed. What a fake does can be
+changed by files in its folder: `fail-<stage>` holds "input" or "fault", `slow` seconds a step.
 """
 
 import json
@@ -51,8 +51,8 @@ def main(context: Context) -> None:
     digest = hashlib.sha256(json.dumps(options, sort_keys=True).encode())
     for name in sorted(context.inputs):
         digest.update(path_sha256(context.inputs[name]).encode())
-    if NAME == "clean":
-        digest = hashlib.sha256(b"the same mesh whatever it is made of" + str(options["clean"]["faces"]).encode())
+    if NAME == "clean":  # the same mesh whatever it is made of
+        digest = hashlib.sha256(str(options["clean"]["faces"]).encode())
     for name, path in context.outputs.items():
         path.write_text(f"{{NAME}} {{name}} {{digest.hexdigest()}}")
     context.metrics["warnings"] = ["the word 'zyx' is unknown"] if NAME == "embed" else []
@@ -81,7 +81,7 @@ class Project:
         return ["make", "-o", ".venv/.runtime", target, *given]
 
     def make(self, target: str, **variables: str) -> "subprocess.CompletedProcess[str]":
-        """Run make to its end; variables left out of the command line are absent from the environment too."""
+        """Run make to its end; variables not given are absent from the environment too."""
         return subprocess.run(
             self.command(target, **variables),
             cwd=self.root,

@@ -1,0 +1,137 @@
+"""What a user writes arrives as it was written, and never runs."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tests.fake_project import ROOT, Project, clean_environment
+
+NASTY = {
+    "make function": "$(shell touch x)",
+    "make variable": "$(PROMPT) ${MAKE} $@ $$ $",
+    "command substitution": "`touch x` $(touch x)",
+    "quotes": 'it\'s a "red" chair; touch x & | > x',
+    "snakemake": "{x} {wildcards} {{y}} {input}",
+    "path": "../../x/.. /etc/passwd ~",
+    "newline": "first\nsecond\n\ttouch x",
+    "emoji": "🪑 ein roter Stuhl é",
+    "backslash": "\\n \\ \\\\ %s %d # comment",
+    "long": "red " * 2500,
+}
+
+
+@pytest.fixture(scope="module")
+def echo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A program that stands for Python and prints its arguments and environment."""
+    path = tmp_path_factory.mktemp("echo") / "echo"
+    path.write_text(
+        f"#!{sys.executable}\nimport json, os, sys\nprint(json.dumps([sys.argv[1:], dict(os.environ)]))\n"
+    )
+    path.chmod(0o755)
+    return path
+
+
+@pytest.mark.parametrize("text", NASTY.values(), ids=NASTY.keys())
+@pytest.mark.parametrize("through", ["command line", "environment"])
+def test_make_passes_text_as_it_is(tmp_path: Path, echo: Path, text: str, through: str) -> None:
+    given = {"PROMPT": text, "NEGATIVE": f"not {text}", "OUT": f"out {text}"}
+    arguments = [f"{k}={v}" for k, v in given.items()] if through == "command line" else []
+    environment = clean_environment() | (given if through == "environment" else {})
+    result = subprocess.run(
+        ["make", "-f", str(ROOT / "Makefile"), "-o", ".venv/.runtime", "run", f"IN_VENV={echo}", *arguments],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    argv, seen = json.loads(result.stdout)
+    assert argv == ["-m", "pipeline", "run"]
+    assert {name: seen[name] for name in given} == given
+    assert list(tmp_path.iterdir()) == [], "something was executed"
+
+
+def test_nothing_between_make_and_the_report_reads_the_prompt(tmp_path: Path) -> None:
+    project = Project(tmp_path / "it's {a} $(touch x) project")
+    prompt = " ".join(text for name, text in NASTY.items() if name != "long") + "<script>alert(1)</script>"
+    result = project.make("run", PROMPT=prompt, OUT="runs {b} $(touch y)")
+    assert result.returncode == 0, result.stderr
+    run = project.root / "runs {b} $(touch y)" / "latest"
+    assert yaml.safe_load((run / "job.yaml").read_text())["prompt"] == prompt
+    assert json.loads((run / "manifest.json").read_text())["job"]["prompt"] == prompt
+    assert "<script>" not in (run / "report.html").read_text()
+    assert not [p for p in tmp_path.rglob("*") if p.name in ("x", "y")], "something was executed"
+
+
+def make(*arguments: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        ["make", "-o", ".venv/.runtime", f"IN_VENV={sys.executable}", *arguments],
+        cwd=ROOT,
+        env=clean_environment(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], ["prompt is empty"]),
+        (["PROMPT="], ["prompt is empty"]),
+        (["PROMPT=x", "MODEL=nowhere"], ["MODEL", "nowhere", "there are"]),
+        (["PROMPT=x", "SEED=-1"], ["seed", "0", "4294967295"]),
+        (["PROMPT=x", "QUALITY=ultra"], ["quality", "draft | standard | high"]),
+        (["PROMPT=x", "MESH=fish.obj"], ["MESH", "this version"]),
+        (["PROMPT=x", "SKETCH=house.obj"], ["SKETCH", "this version"]),
+        (["PROMPT=x", "REFINE=1"], ["REFINE", "this version"]),
+        (["PROMPT=x", "TOKEN=cat.safetensors"], ["TOKEN", "this version"]),
+    ],
+)
+@pytest.mark.parametrize("target", ["run", "plan"])
+def test_errors_are_one_line_and_status_2(
+    target: str, arguments: list[str], words: list[str], tmp_path: Path
+) -> None:
+    result = make(target, f"OUT={tmp_path / 'runs'}", *arguments)
+    assert result.returncode == 2
+    message, made_by_make = result.stderr.strip().splitlines()
+    assert message.startswith("error: ")
+    assert made_by_make.startswith("make: ***")
+    for word in words:
+        assert word in message
+    assert result.stdout == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("threads", ["0", "-1", "two", "1e3", "2000"])
+def test_threads_out_of_range(threads: str, tmp_path: Path) -> None:
+    from pipeline.__main__ import main
+
+    (tmp_path / "model").mkdir()
+    assert main(["run"], {"PROMPT": "x", "MODEL": str(tmp_path / "model"), "THREADS": threads}) == 2
+
+
+def test_help_names_every_variable_and_every_target_and_nothing_else() -> None:
+    text = make("help").stdout
+    makefile = (ROOT / "Makefile").read_text()
+    targets = next(line for line in makefile.splitlines() if line.startswith(".PHONY:")).split()[1:]
+    for target in set(targets) - {"help"}:
+        assert f"make {target}" in text
+    variables = next(line for line in makefile.splitlines() if line.startswith("USER_VARIABLES")).split()[2:]
+    from pipeline.__main__ import LATER
+
+    for variable in variables:
+        assert (f"{variable}=" in text) == (variable not in LATER)
+
+
+def test_verify_wants_a_finished_run(tmp_path: Path) -> None:
+    for arguments in ([], [f"RUN={tmp_path}"]):
+        result = make("verify", *arguments)
+        assert result.returncode == 2
+        assert "RUN" in result.stderr.splitlines()[0]
+    (tmp_path / "manifest.json").write_text('{"files": 3}')
+    assert "is not a manifest" in make("verify", f"RUN={tmp_path}").stderr

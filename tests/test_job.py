@@ -1,0 +1,183 @@
+"""One job from many places: precedence, ranges, and errors that name the key."""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline import job as jobs
+from pipeline.errors import InputError
+from pipeline.job import Job, TrainNerf, build, resolve
+
+
+@pytest.fixture
+def models(tmp_path: Path) -> Path:
+    """Two models: one plain, one that recommends options."""
+    (tmp_path / "models" / "plain").mkdir(parents=True)
+    (tmp_path / "models" / "tuned").mkdir()
+    tuned = {"distillation": {"guidance_scale": 15, "radius": [2, 3], "steps": 77}}
+    (tmp_path / "models" / "tuned" / "bundle.json").write_text(json.dumps(tuned))
+    return tmp_path / "models"
+
+
+def write(folder: Path, text: str) -> str:
+    path = folder / "job.yaml"
+    path.write_text(text)
+    return str(path)
+
+
+def test_each_layer_wins_over_the_one_below(models: Path) -> None:
+    base = {"PROMPT": "a cup", "MODEL": "plain"}
+    assert resolve(base, models) == Job(prompt="a cup", model="plain")
+    draft = resolve({**base, "QUALITY": "draft"}, models)
+    assert draft.train_nerf.steps == jobs.QUALITY["draft"]["train_nerf"]["steps"] != TrainNerf().steps
+    tuned = resolve({**base, "QUALITY": "draft", "MODEL": "tuned"}, models)
+    assert (tuned.train_nerf.steps, tuned.train_nerf.guidance_scale, tuned.train_nerf.radius) == (
+        77,
+        15.0,
+        (2.0, 3.0),
+    )
+    assert tuned.clean.faces == draft.clean.faces, (
+        "a section that the model does not mention keeps its quality"
+    )
+    asked = "prompt: a jug\nseed: 5\nquality: draft\nmodel: tuned\ntrain_nerf: {steps: 9}\n"
+    written = resolve({"JOB": write(models, asked)}, models)
+    assert (written.prompt, written.seed, written.train_nerf.steps) == ("a jug", 5, 9)
+    assert written.train_nerf.guidance_scale == 15.0
+    said = resolve({"JOB": write(models, asked), "PROMPT": "a cup", "SEED": "6", "QUALITY": "high"}, models)
+    assert (said.prompt, said.seed, said.quality, said.train_nerf.steps) == ("a cup", 6, "high", 9)
+    assert said.clean == jobs.Clean(**jobs.QUALITY["high"]["clean"])
+
+
+@given(
+    prompt=st.text(min_size=1).filter(lambda t: t.strip() and "\0" not in t and t.isprintable() or "\n" in t)
+)
+def test_any_prompt_survives_the_file(prompt: str) -> None:
+    try:
+        job = Job(prompt=prompt)
+    except InputError:
+        assert not prompt.strip() or "\0" in prompt or any(0xD800 <= ord(c) < 0xE000 for c in prompt)
+        return
+    assert build(Job, yaml.safe_load(jobs.to_yaml(job))) == job
+    name = jobs.run_name(job)
+    assert name == Path(name).name
+    assert name.replace("-", "").isalnum()
+    assert name.isascii()
+
+
+def test_the_listing_of_options_is_a_job_of_defaults() -> None:
+    listed = yaml.safe_load(jobs.describe())
+    assert build(Job, {**listed, "prompt": "x"}) == Job(prompt="x")
+    for section, options in dataclasses.asdict(Job(prompt="x")).items():
+        assert section in listed
+        if isinstance(options, dict):
+            assert set(options) == set(listed[section])
+
+
+def test_the_name_of_a_run_is_the_hash_of_everything_asked_for() -> None:
+    job = Job(prompt="A red   armchair!")
+    assert jobs.run_name(job).startswith("a-red-armchair-")
+    others = [
+        dataclasses.replace(job, prompt="a red armchair"),
+        dataclasses.replace(job, negative="blue"),
+        dataclasses.replace(job, seed=1),
+        dataclasses.replace(job, clean=jobs.Clean(faces=19_999)),
+    ]
+    assert len({jobs.run_name(j) for j in [job, *others, dataclasses.replace(job)]}) == 5
+    assert jobs.run_name(Job(prompt="🪑")).startswith("prompt-")
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"promt": "x"}, ["promt", "prompt", "negative", "train_nerf"]),
+        ({"train_nerf": {"step": 1}}, ["train_nerf.step", "steps"]),
+        ({"train_nerf": 3}, ["train_nerf", "mapping"]),
+        ({"train_nerf": {"steps": 0}}, ["train_nerf.steps", "0", "1", "100000"]),
+        ({"train_nerf": {"steps": 1.5}}, ["train_nerf.steps", "1.5", "whole number"]),
+        ({"train_nerf": {"steps": True}}, ["train_nerf.steps", "True"]),
+        ({"train_nerf": {"steps": "many"}}, ["train_nerf.steps", "'many'"]),
+        ({"train_nerf": {"guidance_scale": float("nan")}}, ["train_nerf.guidance_scale", "nan"]),
+        ({"train_nerf": {"radius": [2, 1]}}, ["train_nerf.radius", "rising"]),
+        ({"train_nerf": {"radius": [1]}}, ["train_nerf.radius"]),
+        ({"train_nerf": {"background": "pink"}}, ["train_nerf.background", "random", "learned"]),
+        ({"train_nerf": {"timestep_min": 0.99}}, ["timestep_min", "timestep_max"]),
+        ({"seed": -1}, ["seed", "-1", "0", "4294967295"]),
+        ({"seed": 2**32}, ["seed", "4294967296"]),
+        ({"quality": "best"}, ["quality", "best", "draft", "standard", "high"]),
+        ({"prompt": 7}, ["prompt", "7", "text"]),
+        ({"prompt": "  \n"}, ["empty", "make run"]),
+        ({"prompt": "a\0b"}, ["NUL"]),
+        ({"negative": "a\0b"}, ["negative", "NUL"]),
+        ({"prompt": "a\udc80"}, ["UTF-8"]),
+    ],
+)
+def test_errors_name_the_key_the_value_and_what_is_allowed(values: dict[str, Any], words: list[str]) -> None:
+    with pytest.raises(InputError) as error:
+        build(Job, {"prompt": "x", **values}, "chairs.yaml")
+    text = str(error.value)
+    assert "\n" not in text
+    assert text.startswith("chairs.yaml: ")
+    for word in words:
+        assert word in text
+
+
+@pytest.mark.parametrize(
+    ("environment", "words"),
+    [
+        ({}, ["prompt is empty"]),
+        ({"PROMPT": "x", "SEED": "1.5"}, ["SEED", "1.5", "4294967295"]),
+        ({"PROMPT": "x", "SEED": "-1"}, ["seed", "-1", "4294967295"]),
+        ({"PROMPT": "x", "SEED": "4294967296"}, ["seed", "4294967295"]),
+        ({"PROMPT": "x", "SEED": "٣"}, ["SEED"]),
+        ({"PROMPT": "x", "QUALITY": "ultra"}, ["quality", "ultra", "draft | standard | high"]),
+        ({"PROMPT": "x", "MODEL": "none"}, ["MODEL", "none", "plain, tuned"]),
+        ({"PROMPT": "x", "MODEL": ".."}, ["MODEL", "plain, tuned"]),
+        ({"PROMPT": "x", "JOB": "absent.yaml"}, ["absent.yaml", "No such file"]),
+    ],
+)
+def test_errors_of_the_environment(models: Path, environment: dict[str, str], words: list[str]) -> None:
+    with pytest.raises(InputError) as error:
+        resolve(environment, models)
+    for word in words:
+        assert word in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "!!python/object/apply:os.system ['touch hacked']",
+        "prompt: !!python/name:os.system",
+        "- a list",
+        "prompt: [unclosed",
+        "\t",
+        "a: " + "[" * 5000,
+    ],
+)
+def test_yaml_that_is_not_a_plain_mapping_is_one_line(
+    models: Path, text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(models)
+    with pytest.raises(InputError) as error:
+        resolve({"PROMPT": "x", "MODEL": "plain", "JOB": write(models, text)}, models)
+    assert "job.yaml" in str(error.value)
+    assert "\n" not in str(error.value)
+    assert not (models / "hacked").exists()
+
+
+def test_a_broken_recommendation_of_a_model_is_named(models: Path) -> None:
+    for content in ("{", "[]", '{"distillation": {"stepz": 1}}', '{"distillation": {"steps": -1}}'):
+        (models / "tuned" / "bundle.json").write_text(content)
+        with pytest.raises(InputError, match=r"bundle\.json"):
+            resolve({"PROMPT": "x", "MODEL": "tuned"}, models)
+
+
+def test_every_stage_declares_fields_that_a_job_has() -> None:
+    fields = {field.name for field in dataclasses.fields(Job)}
+    declared = {name for names in jobs.STAGE_OPTIONS.values() for name in names}
+    assert declared == fields, "every option reaches a stage, and no stage asks for one that is not there"
