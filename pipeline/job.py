@@ -46,14 +46,20 @@ class TrainNerf:
     guidance_scale: float = option(
         100.0, "classifier-free guidance at the first step; 1 skips the unconditional pass", 1, 1000
     )
-    guidance_scale_end: float = option(100.0, "guidance at the last step (linear in between)", 1, 1000)
+    guidance_scale_end: float = option(
+        0.0, "guidance at the last step (linear in between); 0: as at the first", 0, 1000
+    )
     timestep_min: float = option(0.02, "least noise, as a share of the schedule", 0, 1)
     timestep_max: float = option(0.98, "most noise at the first step, as a share of the schedule", 0, 1)
-    timestep_max_end: float = option(0.98, "most noise at the last step (linear in between)", 0, 1)
+    timestep_max_end: float = option(
+        0.0, "most noise at the last step (linear in between); 0: as at the first", 0, 1
+    )
     predicted_clean_clamp: float = option(
         0.0, "bound on the absolute predicted clean latents; 0: none", 0, 1000
     )
-    signal_power: float = option(0.5, "p of the weight abar^p (1 - abar); 0.5: Latent-NeRF's code, 0: DreamFusion", 0, 4)
+    signal_power: float = option(
+        0.5, "p of the weight abar^p (1 - abar); 0.5: Latent-NeRF's code, 0: DreamFusion", 0, 4
+    )
     learning_rate: float = option(1e-3, "Adam's rate for the small network", 1e-7, 1)
     grid_learning_rate: float = option(1e-2, "Adam's rate for the hash grid", 1e-7, 1)
     sparsity_weight: float = option(5e-4, "weight of the binary entropy of every ray's opacity", 0, 1e6)
@@ -63,7 +69,9 @@ class TrainNerf:
     )
     blob_density: float = option(5.0, "height of the density bias at the centre", 0, 1000)
     blob_radius: float = option(0.2, "standard deviation of the density bias [scene units]", 1e-3, 10)
-    density_bias: float = option(0.0, "added to the log density everywhere; below 0 the box starts empty around the blob", -15, 15)
+    density_bias: float = option(
+        0.0, "added to the log density everywhere; below 0 the box starts empty around the blob", -15, 15
+    )
     grid_levels: int = option(16, "levels of the hash grid", 1, 24)
     grid_finest: int = option(512, "cells along a side of the box at the finest level", 16, 8192)
     grid_table_log2: int = option(16, "log2 of the most table entries of a level", 8, 22)
@@ -80,6 +88,9 @@ class TrainNerf:
 
     def __post_init__(self) -> None:
         check(self)
+        for start, end in (("guidance_scale", "guidance_scale_end"), ("timestep_max", "timestep_max_end")):
+            if getattr(self, end) == 0:
+                object.__setattr__(self, end, getattr(self, start))  # frozen, but not yet given to anyone
         if self.timestep_min >= min(self.timestep_max, self.timestep_max_end):
             raise InputError(
                 "train_nerf.timestep_min must be below timestep_max and timestep_max_end, "

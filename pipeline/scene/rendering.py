@@ -23,6 +23,8 @@ from pipeline.scene.scene import Scene
 
 NEAR = 0.1
 """Nothing closer to the camera than this is seen [scene units]."""
+_LEAST_OPACITY = 1e-3
+"""A ray that is less opaque hits nothing."""
 _ROUND = 8
 """Samples a ray in one evaluation of the field."""
 _RAYS_PER_TASK = 256
@@ -176,7 +178,8 @@ def render_views(
             latents[chosen] = shaded.reshape(-1, pixels, LATENT_CHANNELS).numpy()
             hit = -torch.expm1(seen.log_transmittance)
             opacity[chosen] = hit.reshape(-1, pixels).numpy()
-            depth[chosen] = (seen.depth / hit.clamp(min=1e-12)).reshape(-1, pixels).numpy()
+            known = torch.where(hit > _LEAST_OPACITY, seen.depth / hit.clamp(min=_LEAST_OPACITY), 0)
+            depth[chosen] = known.reshape(-1, pixels).numpy()
     pictures = latents.reshape(-1, size, size, LATENT_CHANNELS).transpose(0, 3, 1, 2)
     shape = (len(cameras), size, size)
     return Views(np.ascontiguousarray(pictures), opacity.reshape(shape), depth.reshape(shape))

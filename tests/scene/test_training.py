@@ -1,0 +1,180 @@
+"""Score distillation end to end: from an ideal denoiser of a known scene it must find that scene."""
+
+import numpy as np
+import pytest
+import torch
+
+from pipeline.job import TrainNerf
+from pipeline.scene.cameras import sphere
+from pipeline.scene.rendering import render_views
+from pipeline.scene.scene import density
+from pipeline.scene.training import (
+    Batch,
+    binary_entropy,
+    draw_batch,
+    initial_state,
+    require_finite,
+    training_step,
+)
+from pipeline.stages.train_nerf import collapse, train
+from tests.oracle import TWO_BALLS, inside, oracle_guidance, picture
+
+SIZE = 16
+BACKGROUNDS = np.random.default_rng(5).standard_normal((16, 4)).astype(np.float32)
+SMALL = {
+    "samples_per_ray": 40,
+    "density_bias": -2.0,
+    "blob_radius": 0.3,
+    "grid_levels": 8,
+    "grid_finest": 64,
+    "grid_table_log2": 13,
+}
+
+
+def no_guidance(latents: np.ndarray, batch: Batch) -> np.ndarray:
+    return np.zeros_like(latents)
+
+
+def test_distillation_reconstructs_a_known_scene() -> None:
+    options = TrainNerf(steps=100, sparsity_weight=0.1, **SMALL)
+    state = initial_state(options, BACKGROUNDS, 0)
+    history: list = []
+    train(state, history, options, SIZE, oracle_guidance(TWO_BALLS))
+    assert not collapse(history)
+    cameras = sphere(8, 1.25, np.deg2rad(55))
+    views = render_views(state.scene, cameras, SIZE, BACKGROUNDS[0])
+    truth = [picture(TWO_BALLS, camera, SIZE, BACKGROUNDS[0]) for camera in cameras]
+    latents, opacity = np.stack([t[0] for t in truth]), np.stack([t[1] for t in truth])
+    error = np.square(views.latents - latents).mean()
+    assert 10 * np.log10(np.ptp(latents) ** 2 / error) > 27
+    found, true = views.opacity > 0.5, opacity > 0.5
+    assert (found & true).sum() / (found | true).sum() > 0.93
+    # In space, not only in pictures: dense inside the balls, empty away from them.
+    points = np.random.default_rng(1).uniform(-1, 1, (50_000, 3)).astype(np.float32)
+    dense = density(state.scene, points) * state.scene.step > 0.5
+    cells = tuple(np.minimum(((points + 1) * 32).astype(int), 63).T)
+    dense &= state.scene.occupancy.occupied[cells]
+    truly = inside(TWO_BALLS, points)
+    grown = inside(tuple(b._replace(radius=b.radius + 0.1) for b in TWO_BALLS), points)
+    assert (dense & ~grown).sum() < 0.01 * truly.sum()
+    shells = inside(tuple(b._replace(radius=b.radius - 0.06) for b in TWO_BALLS), points)
+    assert (dense & truly).sum() > 0.5 * truly.sum(), "balls, not shells or billboards"
+    assert (dense & shells).sum() > 0.5 * shells.sum()
+
+
+def test_opacity_and_entropy_weights_act() -> None:
+    """With no guidance at all they alone move the scene: opacity down, entropy down."""
+    for weight, figure in (("opacity_weight", "opacity"), ("sparsity_weight", "entropy")):
+        options = TrainNerf(steps=60, **{"sparsity_weight": 0.0, **SMALL, weight: 100.0})
+        state = initial_state(options, BACKGROUNDS, 0)
+        figures = [training_step(state, options, 8, no_guidance) for _ in range(options.steps)]
+        first, last = (np.mean([getattr(f, figure) for f in part]) for part in (figures[:10], figures[-10:]))
+        assert last < 0.7 * first, weight
+
+
+def test_learned_background_is_trained() -> None:
+    options = TrainNerf(steps=2, background="learned", **SMALL)
+    state = initial_state(options, BACKGROUNDS, 0)
+    before = [p.detach().clone() for p in state.scene.background.parameters()]
+    rng = np.random.default_rng(0)
+
+    def pull(latents: np.ndarray, batch: Batch) -> np.ndarray:
+        assert batch.backgrounds is None
+        return rng.standard_normal(latents.shape).astype(np.float32)
+
+    train(state, [], options, SIZE, pull)
+    for old, new in zip(before, state.scene.background.parameters(), strict=True):
+        assert not torch.equal(old, new)
+
+
+def test_the_gradient_given_is_the_gradient_applied() -> None:
+    """One step against the direct derivative: d(sum latents . g / views) by the parameters."""
+    options = TrainNerf(steps=10, sparsity_weight=0.0, **SMALL)
+    taken: list[np.ndarray] = []
+
+    def guidance(latents: np.ndarray, batch: Batch) -> np.ndarray:
+        taken.append(latents)
+        return np.ones_like(latents)
+
+    state = initial_state(options, BACKGROUNDS, 0)
+    bias = state.scene.field.bias3.detach().clone()
+    training_step(state, options, SIZE, guidance)
+    # All latents are to fall, so the latents' biases fall by one learning rate (Adam's first step).
+    moved = (state.scene.field.bias3.detach() - bias)[1:]
+    torch.testing.assert_close(moved, torch.full((4,), -options.learning_rate), rtol=1e-3, atol=0)
+    again = initial_state(options, BACKGROUNDS, 0)
+    training_step(again, options, SIZE, guidance)
+    np.testing.assert_array_equal(taken[0], taken[1])
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_nan_stops_at_once_and_is_named(value: float) -> None:
+    options = TrainNerf(steps=10, **SMALL)
+    state = initial_state(options, BACKGROUNDS, 0)
+
+    def poisoned(latents: np.ndarray, batch: Batch) -> np.ndarray:
+        gradient = np.zeros_like(latents)
+        if state.step == 3:
+            gradient[1, 2, 5, 5] = value
+        return gradient
+
+    history: list = []
+    with pytest.raises(FloatingPointError, match=r"guidance gradient holds 1 .* at step 3"):
+        train(state, history, options, SIZE, poisoned)
+    assert len(history) == 3
+    with torch.no_grad():
+        state.scene.field.weight2[3, 3] = value
+    with pytest.raises(FloatingPointError, match=r"rendered latents .* at step 3"):
+        training_step(state, options, SIZE, no_guidance)
+
+
+def test_large_finite_values_are_no_error() -> None:
+    require_finite("x", np.full(100, 3e38, np.float32), 0)
+    with pytest.raises(FloatingPointError, match="x holds 2 "):
+        require_finite("x", torch.tensor([1.0, torch.inf, -torch.inf]), 7)
+
+
+def test_draws_stay_in_their_ranges_and_follow_the_annealing() -> None:
+    options = TrainNerf(
+        cameras_per_step=8,
+        timestep_min=0.1,
+        timestep_max=0.9,
+        timestep_max_end=0.3,
+        guidance_scale=20,
+        guidance_scale_end=5,
+        radius=(1.1, 1.2),
+        polar_degrees=(30, 60),
+        **SMALL,
+    )
+    state = initial_state(options, BACKGROUNDS, 0)
+    for progress, top, scale in ((0.0, 0.9, 20), (0.5, 0.6, 12.5), (1.0, 0.3, 5)):
+        batch = draw_batch(options, progress, SIZE, state.scene, state.rng)
+        assert batch.guidance_scale == scale
+        parts = np.floor((batch.noise_levels - 0.1) / (top - 0.1) * 8)
+        np.testing.assert_array_equal(np.sort(parts), np.arange(8))
+        assert ((batch.polars >= np.deg2rad(30)) & (batch.polars <= np.deg2rad(60))).all()
+        assert batch.noise.shape == (8, 4, SIZE, SIZE)
+        assert batch.backgrounds is not None
+        assert all(any(np.array_equal(b, known) for known in BACKGROUNDS) for b in batch.backgrounds)
+        distances = [np.linalg.norm(camera.pose[:3, 3]) for camera in batch.cameras]
+        assert all(1.1 <= d <= 1.2 for d in distances)
+
+
+def test_entropy_matches_its_formula_and_is_finite_at_its_ends() -> None:
+    opacity = torch.tensor([0.0, 1e-7, 0.25, 0.5, 1.0], requires_grad=True)
+    entropy = binary_entropy(opacity)
+    entropy.sum().backward()
+    expected = -0.25 * np.log(0.25) - 0.75 * np.log(0.75)
+    assert float(entropy[2].detach()) == pytest.approx(expected)
+    assert float(entropy[3].detach()) == pytest.approx(np.log(2))
+    assert float(entropy[0].detach()) == pytest.approx(1e-5 * (1 + np.log(1e5)), rel=1e-3)
+    assert opacity.grad is not None
+    assert torch.isfinite(opacity.grad).all()
+    assert float(opacity.grad[2]) == pytest.approx(np.log(3), rel=1e-5)
+
+
+@pytest.mark.parametrize(("opacity", "word"), [(0.0005, "empty"), (0.995, "fills")])
+def test_collapse_is_said(opacity: float, word: str) -> None:
+    (warning,) = collapse([{"opacity": 0.3}] * 50 + [{"opacity": opacity}] * 30)
+    assert word in warning
+    assert not collapse([{"opacity": opacity}] * 50 + [{"opacity": 0.3}] * 30)

@@ -1,0 +1,144 @@
+"""The stage on a tiny bundle: real files in, real files out, through the real denoiser graph."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from pipeline import arrays
+from pipeline.diffusion.bundle import open_bundle
+from pipeline.errors import InputError
+from pipeline.job import Job, TrainNerf
+from pipeline.scene.cameras import sphere
+from pipeline.scene.rendering import Views, render_views
+from pipeline.scene.scene import load_scene
+from pipeline.stage import Context
+from pipeline.stages import train_nerf
+from tests.scene.test_training import SMALL
+from tests.tiny_bundle import write_tiny_bundle
+
+STEPS = 30
+OPTIONS = {**SMALL, "steps": STEPS, "guidance_scale": 3.0, "checkpoint_every": 10, "preview_every": 10}
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_tiny_bundle(tmp_path_factory.mktemp("models") / "tiny", latent_size=12)
+
+
+def write_embeddings(path: Path, backgrounds: bool = True) -> Path:
+    rng = np.random.default_rng(0)
+    values = {
+        "cond": rng.standard_normal((16, 8, 16)).astype(np.float32),
+        "uncond": rng.standard_normal((8, 16)).astype(np.float32),
+        "view_prompts": np.array("eight"),
+    }
+    if backgrounds:
+        values["backgrounds"] = rng.standard_normal((10, 4)).astype(np.float32)
+        values["background_rgb"] = np.linspace(0, 1, 10, dtype=np.float32)[:, None].repeat(3, 1)
+    path.write_bytes(arrays.pack(values))
+    return path
+
+
+def make_context(run: Path, bundle: Path, backgrounds: bool = True, **options: object) -> Context:
+    run.mkdir(exist_ok=True)
+    inputs = {
+        "embeddings": write_embeddings(run / "embeddings.npz", backgrounds),
+        "unet": bundle / "unet",
+        "scheduler": bundle / "scheduler",
+    }
+    outputs = {"scene": run / "field.npz", "history": run / "training.json"}
+    scratch = run / "checkpoints"
+    scratch.mkdir(exist_ok=True)
+    job = Job(prompt="a red ball", seed=3, train_nerf=TrainNerf(**{**OPTIONS, **options}))
+    return Context(job, inputs, outputs, scratch)
+
+
+@pytest.fixture(scope="module")
+def finished(bundle: Path, tmp_path_factory: pytest.TempPathFactory) -> Context:
+    context = make_context(tmp_path_factory.mktemp("runs") / "whole", bundle)
+    train_nerf.main(context)
+    return context
+
+
+def test_writes_a_scene_its_history_and_figures(finished: Context) -> None:
+    scene = load_scene(finished.outputs["scene"])
+    views = render_views(scene, sphere(3, 1.25, 1.0), 12)
+    assert 0.05 < views.opacity.mean() < 0.95
+    history = json.loads(finished.outputs["history"].read_text())
+    assert [row["step"] for row in history] == list(range(1, STEPS + 1))
+    assert all(row["gradient_norm"] > 0 and 0 < row["opacity"] < 1 for row in history)
+    for part in ("render", "denoiser", "backward", "rest"):
+        assert finished.metrics["seconds"][part] > 0
+    assert finished.metrics["resolution"] == 12
+    assert finished.metrics["warnings"] == []
+    with Image.open(finished.scratch / train_nerf.PREVIEW, formats=["PNG"]) as image:
+        assert image.size == (4 * 12 * 4, 2 * 12 * 4)
+        assert np.asarray(image).std() > 5
+
+
+def test_the_object_takes_the_denoisers_colour(finished: Context) -> None:
+    """The tiny bundle's denoiser knows one disc in the middle: training moves the middle towards it."""
+    history = json.loads(finished.outputs["history"].read_text())
+    norms = [row["gradient_norm"] for row in history]
+    assert np.mean(norms[-8:]) < 0.9 * np.mean(norms[:8])
+
+
+def test_killed_and_resumed_gives_the_same_bytes(
+    finished: Context, bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    context = make_context(tmp_path / "killed", bundle)
+    real = train_nerf.training_step
+
+    def killed(state, *arguments):
+        if state.step == 23:
+            raise KeyboardInterrupt
+        return real(state, *arguments)
+
+    monkeypatch.setattr(train_nerf, "training_step", killed)
+    with pytest.raises(KeyboardInterrupt):
+        train_nerf.main(context)
+    monkeypatch.undo()
+    newest = max(context.scratch.glob("*.checkpoint"))
+    newest.write_bytes(newest.read_bytes()[:1000])
+    again = make_context(tmp_path / "killed", bundle)
+    train_nerf.main(again)
+    assert again.metrics["resumed_at"] == 10
+    assert any(newest.name in warning for warning in again.metrics["warnings"])
+    assert again.outputs["scene"].read_bytes() == finished.outputs["scene"].read_bytes()
+
+
+def test_a_bundle_without_encoder_trains_on_made_up_backgrounds(bundle: Path, tmp_path: Path) -> None:
+    context = make_context(tmp_path / "run", bundle, backgrounds=False, steps=2, guidance_scale=1.0)
+    train_nerf.main(context)
+    assert len(load_scene(context.outputs["scene"]).background.colours) == 64
+
+
+def test_the_default_background_is_a_light_grey(tmp_path: Path) -> None:
+    embeddings = train_nerf.load_embeddings(write_embeddings(tmp_path / "e.npz"))
+    values = arrays.unpack((tmp_path / "e.npz").read_bytes())
+    assert embeddings.backgrounds is not None
+    np.testing.assert_array_equal(embeddings.backgrounds[0], values["backgrounds"][6])
+    assert sorted(map(tuple, embeddings.backgrounds)) == sorted(map(tuple, values["backgrounds"]))
+
+
+def test_damaged_embeddings_are_named(bundle: Path, tmp_path: Path) -> None:
+    context = make_context(tmp_path / "run", bundle)
+    context.inputs["embeddings"].write_bytes(b"PK")
+    with pytest.raises(InputError, match=r"embeddings\.npz is damaged"):
+        train_nerf.main(context)
+
+
+def test_preview_uses_the_bundles_colours_or_three_channels(bundle: Path) -> None:
+    latents = np.zeros((2, 4, 5, 5), np.float32)
+    latents[1, 0] = 1
+    views = Views(latents, np.full((2, 5, 5), 0.5, np.float32), np.zeros((2, 5, 5), np.float32))
+    picture = np.asarray(train_nerf.preview(views, open_bundle(bundle)))
+    grey, tinted = picture[2, 2] / 255, picture[2, 22] / 255
+    np.testing.assert_allclose(grey, 0.5, atol=0.01)
+    np.testing.assert_allclose(
+        tinted - grey, [0.5, 0.2, 0.0], atol=0.02
+    )  # 0.3, 0.1, 0.0 over scale 0.5, cut at 1
+    assert (picture[-1] == 128).all()
