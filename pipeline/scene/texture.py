@@ -23,7 +23,7 @@ from pipeline.scene.rasterize import Fragments, rasterize
 DEPTH_SIZE = 512  # pixels of the visibility picture: fine enough for a texel, whatever the view's own size
 DEPTH_BIAS = 1.5  # pixels of that picture
 LEAST_COSINE = 0.1  # texels seen more aslant than 84 degrees are not seen
-NEIGHBOURS = 4
+NEIGHBOURS = 16  # enough to reach past the texels along an outline, which are seen but badly
 NORMAL_SCALE = (
     0.1  # distance that a full turn of the normal counts for, so that colours do not cross thin walls
 )
@@ -128,8 +128,9 @@ def resolve(
 ) -> tuple[Float[np.ndarray, "n 3"], Bool[np.ndarray, " n"]]:
     """Return the colour of every texel and which of them some view saw.
 
-    The others get the mean of the nearest seen texels on the surface (by distance and normal): the atlas
-    would take it from a chart that lies elsewhere on the object. Raises ValueError if no view saw anything.
+    The others get the mean of the nearest seen texels on the surface (by distance, normal and weight):
+    the atlas would take it from a chart that lies elsewhere on the object. Raises ValueError if no view saw
+    anything.
     """
     seen = total[:, 3] > 0
     if not seen.any():
@@ -140,7 +141,7 @@ def resolve(
         places = np.concatenate([texels.position, NORMAL_SCALE * texels.normal], axis=1)
         count = min(NEIGHBOURS, int(seen.sum()))
         distance, nearest = cKDTree(places[seen]).query(places[~seen], k=[*range(1, count + 1)])
-        weight = 1.0 / np.maximum(distance, 1e-6)
+        weight = total[seen, 3][nearest] / np.maximum(distance, 1e-6)
         weight /= weight.sum(axis=1, keepdims=True)
         colours[~seen] = np.einsum("nk,nkc->nc", weight, colours[seen][nearest])
     return colours, seen

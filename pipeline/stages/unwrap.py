@@ -37,7 +37,7 @@ def unwrap_mesh(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[s
         raise InputError("xatlas left out or reordered faces: the mesh is degenerate; raise clean.faces")
     # xatlas divides by the width and the height of its own atlas; undo that to get lengths of the surface.
     flat = uv.astype(np.float64) * [atlas.width, atlas.height] / atlas.texels_per_unit
-    texels, charts = _pack(flat, index, resolution, padding)
+    texels, charts = _pack(flat, index.astype(np.int32), resolution, padding)
     unwrapped = mesh._replace(uv=(texels / resolution).astype(np.float32), uv_faces=index.astype(np.int32))
     return unwrapped, {"charts": charts, **uv_figures(unwrapped, resolution)}
 
@@ -54,7 +54,7 @@ def _pack(
     area = 0.5 * np.abs(edge_1[:, 0] * edge_2[:, 1] - edge_1[:, 1] * edge_2[:, 0]).sum()
     for share in SCALES:
         atlas = xatlas.Atlas()
-        atlas.add_uv_mesh(flat.astype(np.float32), index)
+        atlas.add_uv_mesh(flat.astype(np.float32), index.astype(np.uint32))
         pack = xatlas.PackOptions()
         pack.padding = padding
         pack.bilinear = True

@@ -1,0 +1,116 @@
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from pipeline.errors import InputError
+from pipeline.scene.mesh import face_areas
+from pipeline.scene.silhouettes import comparison_cameras, mean_iou, silhouettes
+from pipeline.scene.topology import face_components, signed_volumes, topology
+from pipeline.stages.extract import choose_surface, sample_logarithm, surface
+from tests import shapes
+
+
+@pytest.mark.parametrize(
+    ("distance", "volume", "euler"),
+    [
+        (shapes.ball(0.6), 4 / 3 * np.pi * 0.6**3, 2),
+        (shapes.torus(0.55, 0.2), 2 * np.pi**2 * 0.55 * 0.2**2, 0),
+    ],
+    ids=["ball", "torus"],
+)
+def test_surface_converges_to_the_analytic_one_with_the_resolution(
+    distance: shapes.Distance, volume: float, euler: int
+) -> None:
+    errors = []
+    for resolution in (24, 48):
+        mesh = shapes.mesh_of(distance, resolution)
+        counts = topology(mesh)
+        assert (counts.components, counts.euler, counts.manifold, counts.closed) == (1, euler, True, True)
+        assert counts.flipped_edges == 0
+        centroids = mesh.vertices[mesh.faces].mean(axis=1)
+        errors.append(np.abs(distance(np.concatenate([mesh.vertices, centroids]))).max())
+        assert signed_volumes(mesh, face_components(mesh)).sum() == pytest.approx(
+            volume, rel=40 / resolution**2
+        )
+    # A logarithm that is linear across the surface leaves only its curvature: second order in the cell.
+    assert errors[0] < 0.15 * 2 / 24
+    assert errors[1] < errors[0] / 3
+
+
+def test_every_part_of_the_analytic_surface_is_found() -> None:
+    mesh = shapes.mesh_of(shapes.torus(0.55, 0.2), 48)
+    a, b = np.meshgrid(np.linspace(0, 2 * np.pi, 80), np.linspace(0, 2 * np.pi, 40))
+    ring = 0.55 + 0.2 * np.cos(b)
+    points = np.stack([ring * np.sin(a), 0.2 * np.sin(b), ring * np.cos(a)], axis=-1).reshape(-1, 3)
+    distance, _ = cKDTree(mesh.vertices).query(points)
+    assert distance.max() < 2 / 48
+
+
+def test_an_object_that_touches_the_wall_of_the_box_is_closed_inside_it() -> None:
+    mesh = shapes.mesh_of(shapes.ball(0.7, (0.6, 0.0, 0.0)), 32)
+    counts = topology(mesh)
+    assert counts.closed
+    assert counts.manifold
+    assert 0.98 < mesh.vertices.max() <= 1.0
+    assert face_areas(mesh).sum() > 1
+
+
+def test_points_of_empty_cells_are_not_evaluated() -> None:
+    seen = []
+
+    def field(points: np.ndarray) -> np.ndarray:
+        seen.append(points)
+        return shapes.density(shapes.ball(0.3))(points)
+
+    centres = (np.arange(16) + 0.5) / 8 - 1
+    grid = np.stack(np.meshgrid(centres, centres, centres, indexing="ij"), axis=-1)
+    occupied = np.linalg.norm(grid, axis=-1) < 0.55
+    sparse = sample_logarithm(field, occupied, 40)
+    points = np.concatenate(seen)
+    assert len(points) < 0.12 * 40**3
+    assert np.linalg.norm(points, axis=1).max() < 0.55 + np.sqrt(3) / 16
+    full = sample_logarithm(shapes.density(shapes.ball(0.3)), shapes.EVERYWHERE, 40)
+    for found, expected in zip(
+        surface(sparse, shapes.LEVEL)[:2], surface(full, shapes.LEVEL)[:2], strict=True
+    ):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_the_chosen_threshold_keeps_thin_legs_where_a_fixed_one_loses_them() -> None:
+    cameras = comparison_cameras(8)
+    opacity = shapes.opacity_of(shapes.chair(), cameras, 56)
+    logarithm = sample_logarithm(shapes.density(shapes.chair()), shapes.EVERYWHERE, 64)
+    mesh, figures = choose_surface(logarithm, opacity, cameras)
+    for x in (-1, 1):
+        for z in (-1, 1):
+            foot = np.abs(mesh.vertices - [0.3 * x, -0.5, 0.3 * z]).max(axis=1)
+            assert (foot < 0.06).sum() > 8, "a leg has no foot"
+    assert figures["silhouette_iou"] > 0.93
+    curve = dict(figures["iou_curve"])
+    assert max(curve.values()) == pytest.approx(figures["silhouette_iou"], abs=1e-4)
+    high = surface(logarithm, 5 * shapes.LEVEL)
+    assert mean_iou(silhouettes(high, cameras, 56), opacity > 0.5) < figures["silhouette_iou"] - 0.1
+
+
+def test_a_pale_scene_still_gives_a_mesh() -> None:
+    """Nowhere half opaque: judged by half of its own greatest opacity."""
+    cameras = comparison_cameras(8)
+    opacity = 0.3 * shapes.opacity_of(shapes.ball(0.5), cameras, 32)
+    logarithm = sample_logarithm(shapes.density(shapes.ball(0.5)), shapes.EVERYWHERE, 32)
+    mesh, figures = choose_surface(logarithm, opacity, cameras)
+    assert figures["opacity_level"] == pytest.approx(0.15, abs=0.01)
+    assert figures["silhouette_iou"] > 0.93
+    assert np.abs(np.linalg.norm(mesh.vertices, axis=1) - 0.5).max() < 0.08
+
+
+def test_an_empty_scene_is_refused_with_advice() -> None:
+    cameras = comparison_cameras(4)
+    nothing = np.zeros((4, 16, 16), np.float32)
+    logarithm = np.full((18, 18, 18), -np.inf, np.float32)
+    with pytest.raises(InputError, match=r"empty.*another SEED"):
+        choose_surface(logarithm, nothing, cameras)
+
+
+def test_a_density_that_is_not_finite_is_named() -> None:
+    with pytest.raises(InputError, match="NaN or infinite"):
+        sample_logarithm(lambda points: np.full(len(points), np.nan, np.float32), shapes.EVERYWHERE, 8)

@@ -1,0 +1,94 @@
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from pipeline.job import Job
+from pipeline.scene.mesh import read_obj, write_obj
+from pipeline.scene.topology import topology
+from pipeline.stage import Context
+from pipeline.stages import publish
+from pipeline.stages.publish import material_text
+from pipeline.stages.unwrap import unwrap_mesh
+from tests import shapes
+
+NAMES = {
+    "glb": "asset.glb",
+    "obj": "asset.obj",
+    "mtl": "asset.mtl",
+    "albedo": "albedo.png",
+    "preview": "preview.png",
+    "turntable": "turntable.mp4",
+}
+
+
+def run(folder: Path, out: str) -> dict[str, Any]:
+    (folder / out).mkdir()
+    job = Job(prompt="a torus")
+    options = dataclasses.replace(job.publish, preview_size=48, turntable_size=48, turntable_frames=4)
+    context = Context(
+        dataclasses.replace(job, publish=options),
+        {"mesh": folder / "mesh_uv.obj", "albedo": folder / "albedo_baked.png"},
+        {key: folder / out / name for key, name in NAMES.items()},
+        folder / "scratch",
+    )
+    publish.main(context)
+    return context.metrics
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("publish")
+    mesh, _ = unwrap_mesh(shapes.mesh_of(shapes.torus(0.5, 0.2), 24), 128, 2)
+    write_obj(path / "mesh_uv.obj", mesh)
+    noise = np.random.default_rng(0).integers(0, 256, (128, 128, 3), np.uint8)
+    Image.fromarray(noise).save(path / "albedo_baked.png")
+    return path
+
+
+@pytest.fixture(scope="module")
+def metrics(folder: Path) -> dict[str, Any]:
+    return run(folder, "first")
+
+
+def test_figures(folder: Path, metrics: dict[str, Any]) -> None:
+    mesh = read_obj(folder / "mesh_uv.obj")
+    assert metrics["faces"] == len(mesh.faces)
+    assert metrics["vertices"] == len(mesh.vertices) < metrics["vertices_with_seams"]
+    assert metrics["manifold"]
+    assert metrics["watertight"]
+    assert metrics["components"] == topology(mesh).components == 1
+    assert metrics["texture"] == 128
+    for key, name in NAMES.items():
+        assert metrics["bytes"][key] == (folder / "first" / name).stat().st_size > 0
+
+
+def test_the_obj_opens_with_its_material_and_texture(folder: Path, metrics: dict[str, Any]) -> None:
+    loaded = trimesh.load_mesh(folder / "first" / "asset.obj", process=False)
+    texture = np.asarray(loaded.visual.material.image.convert("RGB"))
+    np.testing.assert_array_equal(texture, np.asarray(Image.open(folder / "albedo_baked.png")))
+    assert len(loaded.faces) == metrics["faces"]
+    assert material_text("albedo.png") == (folder / "first" / "asset.mtl").read_text()
+
+
+def test_obj_and_glb_agree(folder: Path, metrics: dict[str, Any]) -> None:
+    obj = trimesh.load_mesh(folder / "first" / "asset.obj", process=False)
+    (glb,) = trimesh.load_scene(folder / "first" / "asset.glb").geometry.values()
+    assert glb.vertices.shape == (metrics["vertices_with_seams"], 3)
+    np.testing.assert_allclose(obj.triangles, glb.triangles, atol=1e-7)
+    np.testing.assert_allclose(obj.visual.uv[obj.faces], glb.visual.uv[glb.faces], atol=1e-6)
+
+
+def test_the_preview_is_a_sheet_of_twelve(folder: Path, metrics: dict[str, Any]) -> None:
+    with Image.open(folder / "first" / "preview.png") as image:
+        assert image.size == (4 * 56 + 8, 3 * 56 + 8)
+
+
+def test_everything_is_the_same_the_second_time(folder: Path, metrics: dict[str, Any]) -> None:
+    assert run(folder, "second") == metrics
+    for name in NAMES.values():
+        assert (folder / "first" / name).read_bytes() == (folder / "second" / name).read_bytes(), name

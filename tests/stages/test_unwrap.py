@@ -1,0 +1,76 @@
+import numpy as np
+import pytest
+from scipy.ndimage import label
+from scipy.spatial import cKDTree
+
+from pipeline.errors import InputError
+from pipeline.scene.mesh import Mesh
+from pipeline.scene.texture import surface_texels
+from pipeline.stages.unwrap import unwrap_mesh, uv_figures
+from tests import shapes
+
+
+@pytest.fixture(scope="module")
+def chair() -> Mesh:
+    return shapes.mesh_of(shapes.chair(), 40)
+
+
+def test_charts_lie_inside_the_texture_and_do_not_overlap(chair: Mesh) -> None:
+    mesh, figures = unwrap_mesh(chair, 512, 4)
+    assert mesh.uv is not None
+    assert mesh.uv_faces is not None
+    np.testing.assert_array_equal(mesh.vertices, chair.vertices)
+    np.testing.assert_array_equal(mesh.faces, chair.faces)
+    assert mesh.uv.min() >= 0
+    assert mesh.uv.max() <= 1
+    assert figures["overlap"] == 0
+    assert figures["coverage"] > 0.4
+    assert figures["charts"] >= 6
+    assert 1 <= figures["stretch"] < 1.1
+    assert figures["degenerate_faces"] == 0
+
+
+def test_padding_is_kept_between_charts(chair: Mesh) -> None:
+    """Two texels of different charts, hence of faces without a common texture point, are never close."""
+    mesh, _ = unwrap_mesh(chair, 512, 6)
+    assert mesh.uv is not None
+    assert mesh.uv_faces is not None
+    mask = surface_texels(mesh, 512).mask
+    islands, count = label(mask, np.ones((3, 3)))
+    assert count >= 6
+    rows, columns = np.nonzero(mask)
+    pairs = cKDTree(np.c_[rows, columns]).query_pairs(5.0, output_type="ndarray")
+    of = islands[rows, columns]
+    assert (of[pairs[:, 0]] == of[pairs[:, 1]]).all()
+
+
+def test_same_input_same_bytes(chair: Mesh) -> None:
+    first, second = (unwrap_mesh(chair, 256, 4)[0] for _ in range(2))
+    for a, b in zip(first, second, strict=True):
+        assert a is not None
+        assert b is not None
+        assert a.tobytes() == b.tobytes()
+
+
+def square(uv: list[list[float]]) -> Mesh:
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    return Mesh(vertices, faces, np.array(uv, np.float32), faces)
+
+
+def test_figures_of_a_square() -> None:
+    same = uv_figures(square([[0.25, 0.25], [0.75, 0.25], [0.75, 0.75], [0.25, 0.75]]), 64)
+    assert same["coverage"] == 0.25
+    assert same["stretch"] == pytest.approx(1)
+    assert same["texels_per_unit"] == pytest.approx(32)
+    assert same["overlap"] == 0
+    squeezed = uv_figures(square([[0, 0], [1, 0], [1, 0.25], [0, 0.25]]), 64)
+    # Singular values 1 and 4, area ratio 1/4: sqrt((1 + 16) / 2 / 4).
+    assert squeezed["stretch"] == pytest.approx(np.sqrt(17 / 8))
+    folded = uv_figures(square([[0, 0], [1, 0], [1, 1], [1, 0]]), 64)
+    assert folded["overlap"] > 0.9
+
+
+def test_a_texture_too_small_for_the_padding_is_refused() -> None:
+    with pytest.raises(InputError, match=r"do not fit.*unwrap\.resolution"):
+        unwrap_mesh(shapes.mesh_of(shapes.chair(), 24), 64, 40)
