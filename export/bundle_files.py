@@ -84,6 +84,9 @@ def train_tokenizer(folder: Path, captions: Iterable[str], *, vocabulary_size: i
     trainer = trainers.BpeTrainer(
         vocab_size=vocabulary_size,
         initial_alphabet=bytes_alphabet(),
+        # Only to give the word-final bytes fixed numbers: the trainer numbers unknown ones in random order
+        # and breaks ties between merges by number.
+        special_tokens=[byte + "</w>" for byte in bytes_alphabet()],
         end_of_word_suffix="</w>",
         show_progress=False,
     )

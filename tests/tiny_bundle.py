@@ -242,9 +242,9 @@ def write_tiny_bundle(
         "latent_scale": SCALE,
         "view_prompts": "eight",
         "known_words": sorted(words),
-        # bundle.json maps *scaled* latents, as the scene holds them.
-        "latent_to_rgb": (LATENT_TO_RGB / SCALE).tolist(),
-        "latent_to_rgb_bias": RGB_BIAS.tolist(),
+        # bundle.json maps *scaled* latents, as the scene holds them, to RGB in [-1, 1].
+        "latent_to_rgb": (2 * LATENT_TO_RGB / SCALE).tolist(),
+        "latent_to_rgb_bias": (2 * RGB_BIAS - 1).tolist(),
         "distillation": distillation or {},
         "trained_on": "nothing; the ideal denoiser of a disc",
     }

@@ -16,6 +16,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+from jaxtyping import Float
+
 from pipeline.diffusion.onnx_file import OnnxFile, check_external, read_onnx
 from pipeline.errors import InputError
 
@@ -59,12 +62,22 @@ class Bundle:
     known_words: frozenset[str] | None
     """Words of its training captions; None when any text will do."""
     latent_to_rgb: tuple[tuple[float, ...], ...] | None
-    """3 x c matrix and offset of the linear map from latents to RGB in [0, 1], fitted at export."""
-    latent_to_rgb_bias: tuple[float, ...] | None
-    trained_on: str
+    """3 x c matrix A of the linear map from scaled latents z to colour, RGB = (A z + bias + 1) / 2."""
+    latent_to_rgb_bias: tuple[float, ...]
+    trained_on: Any
     has_vae_encoder: bool
     files: dict[str, str]
     """sha256 of every file by its path inside the bundle; empty in a foreign folder."""
+
+    def linear_rgb(self, latents: Float[np.ndarray, "b c h w"]) -> Float[np.ndarray, "b h w 3"] | None:
+        """Return the colours in [0, 1] that the linear map sees in scaled latents; None without a map.
+
+        The paper's quick look at latents (its equation of the 3 x 4 matrix): no decoder runs.
+        """
+        if self.latent_to_rgb is None:
+            return None
+        colours = np.einsum("rc,bchw->bhwr", np.array(self.latent_to_rgb), latents)
+        return np.clip((colours + np.array(self.latent_to_rgb_bias) + 1) / 2, 0, 1).astype(np.float32)
 
 
 def open_bundle(folder: Path, *, verify: bool = True) -> Bundle:
@@ -209,6 +222,17 @@ def _field(place: Path, values: dict[str, Any], key: str, kind: type[T], default
     return value
 
 
+def _numbers(place: Path, values: dict[str, Any], key: str, shape: tuple[int, ...]) -> Any:
+    """Return values[key] as nested tuples of finite floats of that shape."""
+    try:
+        array = np.array(values[key], np.float64)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise InputError(f"{place}: {key}, expected {' x '.join(map(str, shape))} numbers; export again")
+    return tuple(map(tuple, array.tolist())) if len(shape) > 1 else tuple(array.tolist())
+
+
 def _describe(folder: Path, described: dict[str, Any], files: dict[str, str], graphs: list[str]) -> Bundle:
     place = folder / "bundle.json"
     size = _field(place, described, "latent_size", int, latent_size(folder / "unet"))
@@ -223,21 +247,26 @@ def _describe(folder: Path, described: dict[str, Any], files: dict[str, str], gr
         raise InputError(
             f"{place}: view_prompts is {view_prompts!r}, expected one of {', '.join(VIEW_PROMPTS)}"
         )
-    matrix, bias = described.get("latent_to_rgb"), described.get("latent_to_rgb_bias")
+    channels = _field(place, described, "latent_channels", int, 4)
+    has_map = described.get("latent_to_rgb") is not None
     words = described.get("known_words")
+    if words is not None and not (isinstance(words, list) and all(isinstance(w, str) for w in words)):
+        raise InputError(f"{place}: known_words is no list of words; correct it or export again")
     return Bundle(
         path=folder,
         name=_field(place, described, "name", str, folder.name),
         image_size=_field(place, described, "image_size", int, size * 2 ** (len(blocks) - 1)),
         latent_size=size,
-        latent_channels=_field(place, described, "latent_channels", int, 4),
+        latent_channels=channels,
         latent_scale=scale,
         view_prompts=view_prompts,
         distillation=_field(place, described, "distillation", dict, {}),
-        known_words=None if words is None else frozenset(str(word) for word in words),
-        latent_to_rgb=None if matrix is None else tuple(tuple(float(x) for x in row) for row in matrix),
-        latent_to_rgb_bias=None if bias is None else tuple(float(x) for x in bias),
-        trained_on=str(described.get("trained_on", "")),
+        known_words=None if words is None else frozenset(words),
+        latent_to_rgb=_numbers(place, described, "latent_to_rgb", (3, channels)) if has_map else None,
+        latent_to_rgb_bias=_numbers(place, described, "latent_to_rgb_bias", (3,))
+        if has_map
+        else (0.0, 0.0, 0.0),
+        trained_on=described.get("trained_on", ""),
         has_vae_encoder="vae_encoder" in graphs,
         files=files,
     )

@@ -12,6 +12,7 @@ import pytest
 from export.bundle_files import write_bundle_json
 from pipeline.diffusion.bundle import graph_scale, latent_size, open_bundle
 from pipeline.diffusion.onnx_file import read_onnx
+from pipeline.diffusion.sessions import vae_decoder
 from pipeline.errors import InputError
 from tests.tiny_bundle import FACTOR, SCALE, save_graph, write_tiny_bundle
 
@@ -42,8 +43,15 @@ def test_a_bundle_is_described(bundle: Path) -> None:
     assert (found.latent_scale, found.view_prompts, found.has_vae_encoder) == (SCALE, "eight", True)
     assert found.known_words is not None
     assert "armchair" in found.known_words
-    assert found.latent_to_rgb is not None
-    assert [len(row) for row in found.latent_to_rgb] == [4, 4, 4]
+
+
+def test_the_linear_map_sees_what_the_decoder_sees(bundle: Path) -> None:
+    latents = np.random.default_rng(0).uniform(-0.3, 0.3, (2, 4, 5, 6)).astype(np.float32)
+    found = open_bundle(bundle).linear_rgb(latents)
+    with vae_decoder(bundle / "vae_decoder") as decode:
+        np.testing.assert_allclose(found, decode(latents)[:, ::FACTOR, ::FACTOR], atol=1e-5)
+    (bundle / "bundle.json").unlink()
+    assert open_bundle(bundle).linear_rgb(latents) is None
 
 
 def test_a_foreign_folder_takes_sizes_from_its_configs_or_from_stable_diffusion(foreign: Path) -> None:
@@ -212,6 +220,10 @@ def test_garbage_json_is_named(foreign: Path, name: str, content: str) -> None:
         ("latent_scale", 0.7),
         ("view_prompts", "seven"),
         ("distillation", [1]),
+        ("known_words", "red"),
+        ("latent_to_rgb", [[1, 2, 3]]),
+        ("latent_to_rgb", "x"),
+        ("latent_to_rgb_bias", [1, 2, float("nan")]),
         ("files", {"../secret": "00"}),
         ("files", {"unet/other.onnx": "00"}),
     ],
