@@ -15,9 +15,9 @@ class Link:
     outputs: dict[str, str]
 
 
-def snakemake_config(run: Path, bundle: Path) -> dict[str, str]:
-    """Return what the Snakefile is told of a run (which need not exist yet) and its bundle."""
-    return {"run": str(run.resolve()), "bundle": str(bundle.resolve())}
+def snakemake_config(run: Path, bundle: Path, threads: int = 1) -> dict[str, str | int]:
+    """Return what the Snakefile is told: the run (it need not exist yet), its bundle, threads a stage."""
+    return {"run": str(run.resolve()), "bundle": str(bundle.resolve()), "threads": threads}
 
 
 def read_chain(run: Path, bundle: Path) -> list[Link]:
@@ -32,5 +32,11 @@ def read_chain(run: Path, bundle: Path) -> list[Link]:
         for rule in rules:
             outputs = {name: str(path) for name, path in rule.output.items()}
             if outputs.pop("entry", None):
-                links.append(Link(rule.name, {name: str(path) for name, path in rule.input.items()}, outputs))
+                inputs = {name: _plain(path) for name, path in rule.input.items()}
+                links.append(Link(rule.name, inputs, outputs))
     return links
+
+
+def _plain(path: str) -> str:
+    """Undo the doubling by which the Snakefile keeps braces from being wildcards."""
+    return str(path).replace("{{", "{").replace("}}", "}")

@@ -57,28 +57,20 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
     """
     folder = jobs.bundle_folder(job.model)
     run = out / jobs.run_name(job)
+    open_bundle(folder, verify=not run.exists())  # before anything is written
     with _user_view_of_os_errors(), _locked(run) as lock:
         _point_latest(run)
-        steps = _plan_unless_broken(job, run, folder)
-        if steps and all(step.verdict == "unchanged" for step in steps):
+        steps = make_plan(job, run, read_chain(run, folder))
+        if all(step.verdict == "unchanged" for step in steps):
             say(f"nothing to do: every file of {run} is as it was made")
             return run
-        bundle = open_bundle(folder)
-        steps = steps or make_plan(job, run, read_chain(run, folder))
-        _check_room(run, _priced(job, bundle, steps))
+        _check_room(run, _priced(job, open_bundle(folder), steps))
         write_text(run / "job.yaml", jobs.to_yaml(job))
-        for failed in (run / "stages").glob("*.error"):
-            failed.unlink()
-        status = _snakemake(
-            run,
-            folder,
-            [step.stage for step in steps if step.verdict != "unchanged"],
-            threads,
-            _profile(profile),
-            lock,
-        )
-        if status:
-            raise _failure(run, status)
+        for reason in (run / "stages").glob("*.error"):
+            reason.unlink()
+        stale = [step.stage for step in steps if step.verdict != "unchanged"]
+        if _snakemake(run, folder, stale, threads, _profile(profile), lock):
+            raise _failure(run)
         missing = [name for name in RESULTS if not (run / name).is_file()]
         if missing:
             raise StageFailure(f"the chain ended without {', '.join(missing)}; see {run}/logs/snakemake.log")
@@ -102,13 +94,6 @@ def environment(threads: int, base: Mapping[str, str]) -> dict[str, str]:
         "PYTHONHASHSEED": "0",
         FOLLOW_PARENT: "1",
     }
-
-
-def _plan_unless_broken(job: Job, run: Path, bundle: Path) -> list[Step]:
-    """Return the plan, or nothing where a file of the bundle is missing: its own check names that better."""
-    with contextlib.suppress(FileNotFoundError):
-        return make_plan(job, run, read_chain(run, bundle))
-    return []
 
 
 def _priced(job: Job, bundle: Bundle, steps: list[Step]) -> list[tuple[Step, Cost]]:
@@ -138,7 +123,8 @@ def _check_room(run: Path, priced: list[tuple[Step, Cost]]) -> None:
 
 def _snakemake(run: Path, bundle: Path, stages: list[str], threads: int, profile: Path, lock: int) -> int:
     """Have Snakemake run the stages named and those after them; return its exit status."""
-    config = [f"{name}={value}" for name, value in snakemake_config(run, bundle).items()]
+    config = [f"{name}={value}" for name, value in snakemake_config(run, bundle, threads).items()]
+    here = jobs.read_yaml(profile / "config.yaml").get("executor", "local") == "local"
     command = [
         sys.executable,
         "-m",
@@ -160,6 +146,7 @@ def _snakemake(run: Path, bundle: Path, stages: list[str], threads: int, profile
         *stages,
         "--config",
         *config,
+        *(["--cores", str(threads)] if here else []),
     ]
     (run / "logs").mkdir(exist_ok=True)
     with (run / "logs" / "snakemake.log").open("w", encoding="utf-8") as log:
@@ -181,7 +168,7 @@ def _snakemake(run: Path, bundle: Path, stages: list[str], threads: int, profile
                 process.wait()
 
 
-def _failure(run: Path, status: int) -> InputError | StageFailure:
+def _failure(run: Path) -> InputError | StageFailure:
     """Return the reason that a stage left, or the best guess where it could leave none."""
     for path in sorted((run / "stages").glob("*.error"), key=os.path.getmtime):
         code, _, reason = path.read_text(encoding="utf-8").strip().partition(" ")
@@ -190,9 +177,11 @@ def _failure(run: Path, status: int) -> InputError | StageFailure:
         return InputError(
             f"{run}: no space is left on the device: free some, then give the same command again"
         )
+    log = run / "logs" / "snakemake.log"
+    said = [line for line in log.read_text(encoding="utf-8", errors="replace").splitlines() if line.strip()]
+    word = said[-1].strip() if len(said) > 1 else "a stage ended without a word (killed, or out of memory)"
     return StageFailure(
-        f"a stage ended without a word (killed, or out of memory); see {run}/logs/, then give the same "
-        "command again: it goes on where it stopped"
+        f"{word}; see {log.parent}/, then give the same command again: it goes on where it stopped"
     )
 
 

@@ -19,7 +19,7 @@ PROMPT = "a red ball"
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Project:
     """A project with one finished run; tests that change it work on a copy."""
     project = Project(tmp_path_factory.mktemp("finished"))
-    result = project.make("run", PROMPT=PROMPT)
+    result = project.make("run", PROMPT=PROMPT, THREADS="3")
     assert result.returncode == 0, result.stderr
     assert project.ran(result) == FAKES
     return project
@@ -60,6 +60,7 @@ def test_the_entry_says_how_a_file_was_made(finished: Project) -> None:
     entry = finished.entry("bake")
     assert entry["options"] == {"bake": finished_job(finished)["bake"]}
     assert entry["seed"] == 0
+    assert entry["threads"] == 3
     assert isinstance(entry["peak_memory_mb"], float)
     assert 5 < entry["peak_memory_mb"] < 2000
     inputs, outputs = entry["inputs"], entry["outputs"]
@@ -247,7 +248,8 @@ def test_a_missing_or_truncated_model_file_is_named(project: Project) -> None:
     truncated = project.make("run", PROMPT=PROMPT)
     model.unlink()
     missing = project.make("run", PROMPT=PROMPT)
-    for result in (truncated, missing):
+    new = project.make("run", PROMPT="never made before")
+    for result in (truncated, missing, new):
         assert result.returncode == 2
         assert "unet/model.onnx" in one_error(result)
     assert snapshot(project.root / "runs") == before
@@ -259,6 +261,14 @@ def test_a_folder_that_cannot_be_written(project: Project) -> None:
     assert result.returncode == 2
     assert "OUT=" in one_error(result)
     assert (project.root / "taken").read_text() == "a file"
+
+
+def test_a_cluster_that_is_not_installed_is_named(project: Project) -> None:
+    result = project.make("run", PROMPT="a blue ball", PROFILE="slurm")
+    assert result.returncode == 2
+    assert "slurm" in one_error(result)
+    result = project.make("run", PROMPT="a blue ball", PROFILE="moon")
+    assert "local, slurm" in one_error(result)
 
 
 def test_plan_tells_and_writes_nothing(finished: Project) -> None:

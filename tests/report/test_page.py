@@ -1,0 +1,85 @@
+"""The page stands alone and escapes everything."""
+
+import base64
+import re
+from html.parser import HTMLParser
+
+from pipeline.report.page import Page, render
+
+ENTRY = {
+    "stage": "clean",
+    "seconds": 2.5,
+    "peak_memory_mb": 321.0,
+    "versions": {"numpy": "2.4.6"},
+    "metrics": {"faces": 1234, "iou": 0.912345678, "warnings": ["a <b> & 'c'"]},
+}
+PAGE = Page(
+    prompt='a "red" <script>alert(1)</script> & chair',
+    negative="<i>blue</i>",
+    facts={"model": "everyday-objects", "seed": "7"},
+    entries=[ENTRY, {**ENTRY, "stage": "bake", "seconds": 3.5, "metrics": {}, "reused_from": "other-run"}],
+    preview_png=b"png bytes",
+    turntable_mp4=b"mp4 bytes",
+    links=[("asset.glb", "the asset", 2_345_678), ("asset.mtl", "its material", 99)],
+    job_yaml="prompt: <b>",
+)
+
+
+class Reader(HTMLParser):
+    """Collects tags and text, and checks that tags are closed in order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stack: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in {"meta", "img"}:
+            self.stack.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.stack.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def read(page: Page) -> Reader:
+    reader = Reader()
+    reader.feed(render(page))
+    assert reader.stack == []
+    return reader
+
+
+def test_text_arrives_as_text() -> None:
+    reader = read(PAGE)
+    assert {"script", "i", "b"} & {tag for tag, _ in reader.tags} <= {"b"}
+    for text in (PAGE.prompt, PAGE.negative, "a <b> & 'c'", "prompt: <b>"):
+        assert text in reader.text
+
+
+def test_pictures_are_inside_and_nothing_is_fetched() -> None:
+    reader = read(PAGE)
+    sources = [attrs["src"] or "" for _, attrs in reader.tags if "src" in attrs]
+    assert [base64.b64decode(source.split(",")[1]) for source in sources] == [b"png bytes", b"mp4 bytes"]
+    assert not re.search(r"https?://|@import|url\(", render(PAGE))
+    assert [attrs["href"] for tag, attrs in reader.tags if tag == "a"] == ["asset.glb", "asset.mtl"]
+
+
+def test_figures_are_there() -> None:
+    text = read(PAGE).text
+    for figure in (
+        "2.5",
+        "321",
+        "6.0",
+        "1234",
+        "0.912346",
+        "numpy 2.4.6",
+        "2.3 MB",
+        "0.1 kB",
+        "other-run",
+        "seed 7",
+    ):
+        assert figure in text

@@ -1,0 +1,128 @@
+"""The judgement of a chain without running it."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from pipeline import provenance
+from pipeline.chain import Link, read_chain
+from pipeline.estimate import estimate
+from pipeline.files import file_sha256
+from pipeline.job import STAGE_OPTIONS, Bake, Clean, Extract, Job, TrainNerf, stage_options
+from pipeline.plan import make_plan
+
+JOB = Job(prompt="a red ball")
+CHAIN = [
+    Link("extract", {"scene": "../field.npz"}, {"mesh": "mesh_raw.ply"}),
+    Link("clean", {"mesh": "mesh_raw.ply"}, {"mesh": "mesh.ply"}),
+    Link("report", {"clean": "stages/clean.json"}, {"report": "report.html"}),
+]
+
+
+def make(run: Path, link: Link, job: Job = JOB) -> None:
+    """Make a stage's outputs and entry as the stage would."""
+    (run / "stages").mkdir(parents=True, exist_ok=True)
+    for name, path in link.outputs.items():
+        (run / path).write_text(f"{link.stage} {name}")
+    inputs = {name: {"path": path, "sha256": file_sha256(run / path)} for name, path in link.inputs.items()}
+    options = stage_options(job, link.stage)
+    module = f"pipeline.stages.{link.stage}"
+    source, versions = provenance.code(module)
+    entry = {
+        "key": provenance.key(options, module, {name: value["sha256"] for name, value in inputs.items()}),
+        "options": options,
+        "inputs": inputs,
+        "outputs": {n: {"path": path, "sha256": file_sha256(run / path)} for n, path in link.outputs.items()},
+        "source": source,
+        "versions": versions,
+    }
+    provenance.entry_path(run, link.stage).write_text(json.dumps(entry))
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    (tmp_path / "field.npz").write_text("field")
+    for link in CHAIN:
+        make(tmp_path / "first", link)
+    return tmp_path / "first"
+
+
+def verdicts(run: Path, job: Job = JOB) -> list[tuple[str, str]]:
+    return [(step.verdict, step.reason) for step in make_plan(job, run, CHAIN)]
+
+
+def test_a_finished_run_is_unchanged(run: Path) -> None:
+    assert verdicts(run) == [("unchanged", "")] * 3
+
+
+def test_a_run_that_does_not_exist_reuses_its_siblings(run: Path) -> None:
+    plan = verdicts(run.parent / "second")
+    assert plan == [("reuse", "from first"), ("reuse", "from first"), ("run", "after clean")]
+    assert not (run.parent / "second").exists()
+    (run / "mesh.ply").write_text("broken")
+    assert verdicts(run.parent / "second")[1] == ("run", "not made yet")
+
+
+def test_reasons(run: Path) -> None:
+    coarse = Job(prompt="a red ball", extract=Extract(resolution=32))
+    assert verdicts(run, coarse) == [
+        ("run", "options changed"),
+        ("run", "after extract"),
+        ("run", "after clean"),
+    ]
+    small = Job(prompt="a red ball", clean=Clean(faces=100))
+    assert verdicts(run, small) == [("unchanged", ""), ("run", "options changed"), ("run", "after clean")]
+    (run / "mesh.ply").write_text("")
+    assert verdicts(run)[1] == ("run", "mesh.ply is empty")
+    make(run, CHAIN[1])
+    (run.parent / "field.npz").write_text("another field")
+    assert verdicts(run)[0] == ("run", "scene changed")
+
+
+def test_source_and_versions_are_reasons(run: Path) -> None:
+    path = provenance.entry_path(run, "clean")
+    entry = json.loads(path.read_text())
+    path.write_text(json.dumps({**entry, "key": "other", "source": "other"}))
+    assert verdicts(run)[1] == ("run", "source changed")
+    path.write_text(json.dumps({**entry, "key": "other", "versions": {"numpy": "0"}}))
+    assert verdicts(run)[1] == ("run", "package versions changed")
+
+
+def test_an_input_that_nothing_makes_must_exist(run: Path) -> None:
+    (run.parent / "field.npz").unlink()
+    with pytest.raises(FileNotFoundError):
+        make_plan(JOB, run, CHAIN)
+
+
+@pytest.mark.parametrize("present", [True, False])
+def test_the_snakefile_is_read_as_it_is(tmp_path: Path, present: bool) -> None:
+    bundle = tmp_path / "a {b} model"
+    (bundle / "vae_encoder").mkdir(parents=True) if present else bundle.mkdir()
+    (bundle / "bundle.json").write_text("{}") if present else None
+    chain = read_chain(tmp_path / "runs" / "x", bundle)
+    assert [link.stage for link in chain] == list(STAGE_OPTIONS)
+    assert ("vae_encoder" in chain[0].inputs) == present
+    assert ("description" in chain[0].inputs) == present
+    made: set[str] = set()
+    for link in chain:
+        for path in link.inputs.values():
+            assert path in made or path.startswith("../../a {b} model/"), "each after those it depends on"
+        made |= {*link.outputs.values(), f"stages/{link.stage}.json"}
+    assert {"asset.glb", "report.html", "manifest.json"} <= made
+    assert not (tmp_path / "runs").exists()
+
+
+def test_estimates_grow_with_the_work() -> None:
+    base = JOB
+    more = {
+        "train_nerf": Job(prompt="x", train_nerf=TrainNerf(steps=base.train_nerf.steps * 2)),
+        "extract": Job(prompt="x", extract=Extract(resolution=base.extract.resolution * 2)),
+        "clean": Job(prompt="x", clean=Clean(faces=base.clean.faces * 2)),
+        "bake": Job(prompt="x", bake=Bake(views=base.bake.views * 2)),
+    }
+    for stage, job in more.items():
+        assert estimate(stage, job, 32, 20).seconds > estimate(stage, base, 32, 20).seconds > 0
+    assert estimate("train_nerf", base, 64, 1700).seconds > 20 * estimate("train_nerf", base, 32, 20).seconds
+    for stage in STAGE_OPTIONS:
+        assert estimate(stage, base, 32, 20).memory_mb < 4096

@@ -1,0 +1,151 @@
+"""From a prompt to an asset through the front door, every real stage, with a tiny model."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from pipeline.files import file_sha256
+from tests.fake_project import ROOT, clean_environment, kill_group
+from tests.tiny_bundle import write_tiny_bundle
+
+PROMPT = "a red ball"
+OPTIONS = """
+train_nerf: {steps: 40, cameras_per_step: 2, samples_per_ray: 32, checkpoint_every: 5, preview_every: 20}
+extract: {resolution: 32, views: 6}
+clean: {faces: 600}
+unwrap: {resolution: 128, padding: 2}
+bake: {views: 6, texture: 128}
+publish: {preview_size: 48, turntable_size: 48, turntable_frames: 6}
+"""
+
+
+def command(folder: Path, out: str) -> list[str]:
+    given = {
+        "PROMPT": PROMPT,
+        "MODEL": str(folder / "model"),
+        "JOB": str(folder / "job.yaml"),
+        "OUT": str(folder / out),
+    }
+    arguments = [
+        f"{name}={value}" for name, value in {"IN_VENV": sys.executable, "THREADS": "2", **given}.items()
+    ]
+    return ["make", "-o", ".venv/.runtime", "run", *arguments]
+
+
+def make(folder: Path, out: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        command(folder, out), cwd=ROOT, env=clean_environment(), capture_output=True, text=True, check=False
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a model, a job and a finished run in `runs`."""
+    folder = tmp_path_factory.mktemp("whole")
+    write_tiny_bundle(folder / "model")
+    (folder / "job.yaml").write_text(OPTIONS)
+    result = make(folder, "runs")
+    assert result.returncode == 0, result.stderr
+    paths = [Path(line) for line in result.stdout.splitlines()[-2:]]
+    assert [path.name for path in paths] == ["asset.glb", "report.html"]
+    assert all(path.is_file() for path in paths)
+    return folder
+
+
+def test_the_asset_is_one_textured_manifold_mesh(folder: Path) -> None:
+    scene = trimesh.load_scene(folder / "runs" / "latest" / "asset.glb")
+    (mesh,) = scene.geometry.values()
+    assert 50 < len(mesh.faces) <= 600
+    merged = trimesh.Trimesh(mesh.vertices, mesh.faces, process=True)
+    merged.merge_vertices(merge_tex=True, merge_norm=True)
+    assert merged.is_watertight
+    assert np.isfinite(mesh.vertices).all()
+    assert np.abs(mesh.vertices).max() <= 1
+    uv = mesh.visual.uv
+    assert uv.min() >= 0
+    assert uv.max() <= 1
+    assert mesh.visual.material.baseColorTexture.size == (128, 128)
+    # the tiny model's ideal image is a disc of a quarter of the view: the mesh is a ball around the centre
+    extents = merged.extents
+    assert extents.min() > 0.6 * extents.max()
+
+
+def test_the_manifest_tells_the_seconds_and_memory_of_every_stage(folder: Path) -> None:
+    manifest = json.loads((folder / "runs" / "latest" / "manifest.json").read_text())
+    assert [entry["stage"] for entry in manifest["stages"]] == [
+        "embed", "train_nerf", "extract", "clean", "unwrap", "bake", "publish"]  # fmt: skip
+    for entry in manifest["stages"]:
+        assert entry["seconds"] > 0
+        assert 20 < entry["peak_memory_mb"] < 4096
+        assert entry["threads"] == 2
+
+
+def test_again_is_nothing(folder: Path) -> None:
+    start = time.monotonic()
+    result = make(folder, "runs")
+    assert time.monotonic() - start < 5
+    assert "nothing to do" in result.stderr
+
+
+def test_killed_in_training_and_continued_is_the_same_asset(folder: Path) -> None:
+    process = subprocess.Popen(
+        command(folder, "killed"),
+        cwd=ROOT,
+        env=clean_environment(),
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 120
+    scratch = folder / "killed" / "latest" / "checkpoints" / "train_nerf"
+    while not list(scratch.glob("*.checkpoint")):
+        assert process.poll() is None, "ended before the first checkpoint"
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    kill_group(process)
+    assert not (folder / "killed" / "latest" / "field.npz").exists(), "killed too late to test anything"
+    result = make(folder, "killed")
+    assert result.returncode == 0, result.stderr
+    for name in ("field.npz", "asset.glb", "albedo.png", "preview.png"):
+        assert file_sha256(folder / "killed" / "latest" / name) == file_sha256(
+            folder / "runs" / "latest" / name
+        ), name
+
+
+def test_a_wrong_number_of_threads_in_the_caller_changes_nothing(folder: Path) -> None:
+    """Threads come from THREADS or the machine, never from the caller's environment."""
+    from pipeline.engine import environment
+
+    made = environment(2, {**os.environ, "OMP_NUM_THREADS": "7", "PYTHONHASHSEED": "9"})
+    assert (made["OMP_NUM_THREADS"], made["NUMBA_NUM_THREADS"], made["PYTHONHASHSEED"]) == ("2", "2", "0")
+
+
+def test_termination_stops_everything(folder: Path) -> None:
+    process = subprocess.Popen(
+        command(folder, "stopped"),
+        cwd=ROOT,
+        env=clean_environment(),
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    lock = folder / "stopped" / "latest" / ".lock"
+    deadline = time.monotonic() + 60
+    while not (folder / "stopped" / "latest" / "logs" / "embed.log").exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    os.kill(int(lock.read_text()), signal.SIGTERM)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode != 0
+    assert "the same command goes on from here" in errors
+    assert "Traceback" not in errors
