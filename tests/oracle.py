@@ -51,7 +51,9 @@ def picture(
 
 
 def inside(balls: tuple[Ball, ...], points: Float[np.ndarray, "n 3"]) -> np.ndarray:
-    covered: np.ndarray = np.any([np.linalg.norm(points - b.centre, axis=1) < b.radius for b in balls], axis=0)
+    covered: np.ndarray = np.any(
+        [np.linalg.norm(points - b.centre, axis=1) < b.radius for b in balls], axis=0
+    )
     return covered
 
 

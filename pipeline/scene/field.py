@@ -108,7 +108,7 @@ class LatentField(nn.Module):
     def attach(self, segments: list[Segment]) -> tuple[Float[Tensor, " n"], Float[Tensor, "n 4"]]:
         """Return density and latents of evaluated segments, in order, as differentiable by the parameters."""
         parameters = dict(self.named_parameters()).values()
-        density, latents = _Attach.apply(self, segments, *parameters)  # type: ignore[no-untyped-call]
+        density, latents = _Attach.apply(self, segments, *parameters)
         return density, latents
 
     def _bias(self, points: Float[Tensor, "k 3"]) -> Float[Tensor, " k"]:
@@ -163,7 +163,7 @@ def _blocks(first: int, last: int, count: int) -> Iterator[slice]:
 
 
 def _relu_gradient(gradient: Float[Tensor, "k h"], output: Float[Tensor, "k h"]) -> Float[Tensor, "k h"]:
-    return torch.ops.aten.threshold_backward(gradient, output, 0)  # type: ignore[no-any-return]
+    return torch.ops.aten.threshold_backward(gradient, output, 0)
 
 
 class _Attach(torch.autograd.Function):

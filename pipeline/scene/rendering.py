@@ -133,9 +133,7 @@ def composite(
 
     `rows` says which row of `density` and `latents` a sample is, see `evaluate_visible`.
     """
-    pixels, depth, log_transmittance = _Composite.apply(  # type: ignore[no-untyped-call]
-        density, latents, samples, rows
-    )
+    pixels, depth, log_transmittance = _Composite.apply(density, latents, samples, rows)
     return pixels, depth, log_transmittance
 
 

@@ -119,10 +119,8 @@ def collapse(history: list[dict[str, Any]]) -> list[str]:
 
 def preview(views: Views, bundle: Bundle) -> Image.Image:
     """Return the views side by side in the bundle's linear map (else three channels), over their opacity."""
-    if bundle.latent_to_rgb is not None:
-        bias = np.array(bundle.latent_to_rgb_bias or (0, 0, 0), np.float32)
-        rgb = np.einsum("rc,bchw->bhwr", np.array(bundle.latent_to_rgb, np.float32), views.latents) + bias
-    else:
+    rgb = bundle.linear_rgb(views.latents)
+    if rgb is None:
         low, high = np.percentile(views.latents[:, :3], (1, 99))
         rgb = (views.latents[:, :3].transpose(0, 2, 3, 1) - low) / max(high - low, 1e-6)
     opacity = np.repeat(views.opacity[..., None], 3, axis=-1)
@@ -167,6 +165,7 @@ def main(context: Context) -> None:
             backgrounds = np.random.default_rng(0).standard_normal((64, 4), np.float32)
             backgrounds[0] = 0
         state = initial_state(options, backgrounds, context.job.seed)
+        say(f"train_nerf: a preview will appear at {context.scratch / PREVIEW}")
     warnings += [f"{name} was damaged: trained again from step {state.step}" for name in damaged]
     resumed_at = state.step
 

@@ -50,7 +50,7 @@ def setting() -> tuple[HashGrid, np.ndarray, np.ndarray, np.random.Generator]:
     grid = hash_grid(levels=8, coarsest=4, finest=128, table_log2=12)
     table = rng.standard_normal((grid.entries, 2)).astype(np.float32)
     points = rng.uniform(-1, 1, (1000, 3)).astype(np.float32)
-    points[:4] = [[-1, -1, -1], [1, 1, 1], [0, 0, 0], [1, -1, 0.5]]
+    points[:4] = np.array([[-1, -1, -1], [1, 1, 1], [0, 0, 0], [1, -1, 0.5]])
     return grid, table, points, rng
 
 

@@ -46,7 +46,7 @@ def random_rays(count: int, seed: int = 0) -> Rays:
     directions[: count // 4] = rng.standard_normal((count // 4, 3))
     directions[-3:] = np.eye(3)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    return Rays(*(a.astype(np.float32) for a in (origins, directions)), rng.random(count, np.float32))
+    return Rays(origins.astype(np.float32), directions.astype(np.float32), rng.random(count, np.float32))
 
 
 def random_samples(rays: int, seed: int = 0) -> tuple[Samples, np.ndarray, np.ndarray, np.ndarray]:
@@ -80,8 +80,8 @@ def test_compositing_and_its_gradient_match_float64() -> None:
     samples, rows, sigma, latents = random_samples(200)
     inputs = [torch.from_numpy(a).requires_grad_() for a in (sigma, latents)]
     exact_inputs = [torch.from_numpy(a).double().requires_grad_() for a in (sigma, latents)]
-    found = composite(*inputs, samples, rows)
-    exact = reference_composite(*exact_inputs, samples, rows)
+    found = composite(inputs[0], inputs[1], samples, rows)
+    exact = reference_composite(exact_inputs[0], exact_inputs[1], samples, rows)
     assert float(exact[2].detach().min()) > np.log(1e-4), "no ray of this test may end early"
     rng = np.random.default_rng(1)
     gradients = [rng.standard_normal(tuple(v.shape)) for v in exact]
@@ -113,12 +113,9 @@ def test_rays_end_at_an_opaque_surface() -> None:
 @pytest.mark.parametrize("scale", [1e-12, 1e-6, 1e6, 1e12, 3e38])
 def test_extreme_densities_keep_weights_in_range(scale: float) -> None:
     samples, rows, sigma, latents = random_samples(50)
-    inputs = [
-        torch.from_numpy(np.minimum(sigma * np.float64(scale), 3e38).astype(np.float32)),
-        torch.from_numpy(latents),
-    ]
-    inputs = [a.requires_grad_() for a in inputs]
-    pixels, depth, log_transmittance = composite(*inputs, samples, rows)
+    sigma = np.minimum(sigma * np.float64(scale), 3e38).astype(np.float32)
+    inputs = [torch.from_numpy(a).requires_grad_() for a in (sigma, latents)]
+    pixels, depth, log_transmittance = composite(inputs[0], inputs[1], samples, rows)
     bound = np.abs(latents).max()
     assert float(pixels.detach().abs().max()) <= bound * (1 + 1e-6)
     assert float(log_transmittance.detach().max()) <= 0
