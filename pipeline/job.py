@@ -62,15 +62,18 @@ class TrainNerf:
     )
     learning_rate: float = option(1e-3, "Adam's rate for the small network", 1e-7, 1)
     grid_learning_rate: float = option(1e-2, "Adam's rate for the hash grid", 1e-7, 1)
-    sparsity_weight: float = option(5e-4, "weight of the binary entropy of every ray's opacity", 0, 1e6)
+    # The paper's 5e-4 acted through a gradient scaler that the distillation bypassed: 33 in effect. On
+    # an ideal denoiser of a known scene 3 costs 0.15 dB and 30 costs 3.4 dB; below 1 it does not act.
+    sparsity_weight: float = option(1.0, "weight of the binary entropy of every ray's opacity", 0, 1e6)
     opacity_weight: float = option(0.0, "weight of the mean opacity", 0, 1e6)
     background: Literal["random", "learned"] = option(
         "random", "a random flat colour each view, or a learned one"
     )
     blob_density: float = option(5.0, "height of the density bias at the centre", 0, 1000)
     blob_radius: float = option(0.2, "standard deviation of the density bias [scene units]", 1e-3, 10)
+    # The paper's code starts at 0 and cuts the fog off with its first occupancy grid; -2 starts without it.
     density_bias: float = option(
-        0.0, "added to the log density everywhere; below 0 the box starts empty around the blob", -15, 15
+        -2.0, "added to the log density everywhere; below 0 the box starts empty around the blob", -15, 15
     )
     grid_levels: int = option(16, "levels of the hash grid", 1, 24)
     grid_finest: int = option(512, "cells along a side of the box at the finest level", 16, 8192)
