@@ -1,4 +1,5 @@
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -51,7 +52,8 @@ def test_obj_is_flipped_as_other_programs_expect(ball: Mesh, tmp_path: Path) -> 
     loaded = trimesh.load_mesh(tmp_path / "a.obj", process=False)
     split = split_seams(ball)
     order = np.lexsort(np.round(np.c_[split.vertices, split.uv], 6).T)
-    theirs = np.c_[loaded.vertices, loaded.visual.uv[:, 0], 1 - loaded.visual.uv[:, 1]]
+    visual: Any = loaded.visual
+    theirs = np.c_[loaded.vertices, visual.uv[:, 0], 1 - visual.uv[:, 1]]
     theirs = theirs[np.lexsort(np.round(theirs, 6).T)]
     np.testing.assert_allclose(theirs, np.c_[split.vertices, split.uv][order], atol=2e-6)
 

@@ -69,7 +69,8 @@ def test_figures(folder: Path, metrics: dict[str, Any]) -> None:
 
 def test_the_obj_opens_with_its_material_and_texture(folder: Path, metrics: dict[str, Any]) -> None:
     loaded = trimesh.load_mesh(folder / "first" / "asset.obj", process=False)
-    texture = np.asarray(loaded.visual.material.image.convert("RGB"))
+    visual: Any = loaded.visual
+    texture = np.asarray(visual.material.image.convert("RGB"))
     np.testing.assert_array_equal(texture, np.asarray(Image.open(folder / "albedo_baked.png")))
     assert len(loaded.faces) == metrics["faces"]
     assert material_text("albedo.png") == (folder / "first" / "asset.mtl").read_text()
@@ -80,7 +81,9 @@ def test_obj_and_glb_agree(folder: Path, metrics: dict[str, Any]) -> None:
     (glb,) = trimesh.load_scene(folder / "first" / "asset.glb").geometry.values()
     assert glb.vertices.shape == (metrics["vertices_with_seams"], 3)
     np.testing.assert_allclose(obj.triangles, glb.triangles, atol=1e-7)
-    np.testing.assert_allclose(obj.visual.uv[obj.faces], glb.visual.uv[glb.faces], atol=1e-6)
+    obj_visual: Any = obj.visual
+    glb_visual: Any = glb.visual
+    np.testing.assert_allclose(obj_visual.uv[obj.faces], glb_visual.uv[glb.faces], atol=1e-6)
 
 
 def test_the_preview_is_a_sheet_of_twelve(folder: Path, metrics: dict[str, Any]) -> None:
