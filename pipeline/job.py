@@ -105,7 +105,7 @@ class TrainNerf:
 class Extract:
     """Marching cubes of the density."""
 
-    resolution: int = option(128, "cells along a side of the box", 16, 1024)
+    resolution: int = option(128, "samples along the longest side of the occupied part", 16, 1024)
     views: int = option(24, "views whose silhouettes choose the density threshold", 4, 256)
 
     def __post_init__(self) -> None:

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 import pymeshlab
+from jaxtyping import Float
+from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
 from pipeline.scene.mesh import Mesh, read_ply, used_vertices, write_ply
@@ -19,6 +21,7 @@ from pipeline.scene.topology import face_components, signed_volumes, topology
 from pipeline.stage import Context, execute
 
 REPAIR_ROUNDS = 4
+FRAGMENT = 0.05  # smallest part of `min_component` that can be a cut-off part instead of a floater
 HOLE_EDGES = 200  # a hole with a longer border is taken for an opening of the shape
 VIEWS = 24
 SILHOUETTE_SIZE = 192
@@ -33,7 +36,8 @@ def clean_mesh(
         mesh: raw surface, positions in scene units.
         faces: budget; the result has at most so many.
         smoothing: Taubin steps (each one shrinks and grows, so the volume stays); 0 leaves the surface alone.
-        min_component: pieces with a smaller share of all faces are floaters and go, in [0, 1].
+        min_component: share of all faces, in [0, 1], below which a piece may be a floater; see
+            `remove_floaters`.
     """
     steps: list[dict[str, Any]] = []
 
@@ -87,12 +91,33 @@ def remove_duplicates(mesh: Mesh) -> Mesh:
 
 
 def remove_floaters(mesh: Mesh, min_component: float) -> Mesh:
-    """Return the pieces that hold at least `min_component` of the faces; the largest one always stays."""
+    """Return the mesh without the pieces that float: small ones, away from everything else.
+
+    A piece stays if it holds at least `min_component` of the faces (the largest always does), and also, down
+    to a twentieth of that, if its gap to what stays is smaller than itself: the foot of a leg that the
+    density threshold cut through is no floater.
+    """
     component = face_components(mesh)
     size = np.bincount(component)
     keep = size >= min_component * len(mesh.faces)
     keep[size.argmax()] = True
+    pieces = {
+        int(piece): mesh.vertices[np.unique(mesh.faces[component == piece])]
+        for piece in np.flatnonzero(~keep & (size >= FRAGMENT * min_component * len(mesh.faces)))
+    }
+    found = True
+    while found and pieces:
+        kept = cKDTree(mesh.vertices[np.unique(mesh.faces[keep[component]])])
+        near = [piece for piece, places in pieces.items() if kept.query(places)[0].min() < _diagonal(places)]
+        keep[near] = True
+        pieces = {piece: places for piece, places in pieces.items() if piece not in near}
+        found = bool(near)
     return used_vertices(Mesh(mesh.vertices, mesh.faces[keep[component]]))
+
+
+def _diagonal(places: Float[np.ndarray, "v 3"]) -> float:
+    """Return the diagonal of the bounding box."""
+    return float(np.linalg.norm(np.ptp(places, axis=0)))
 
 
 def remove_cavities(mesh: Mesh) -> Mesh:

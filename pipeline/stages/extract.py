@@ -1,6 +1,6 @@
 """Stage `extract`: the surface of the density at the threshold that looks most like the renders.
 
-Letters: m samples along a side of the grid, n views, s pixels along a side. Surfaces are level sets of the
+Letters: n views, s pixels along a side, g cells along a side of the box. Surfaces are level sets of the
 logarithm of the
 density: the field is the exponential of a smooth function, so its logarithm interpolates well between samples
 where the density itself makes steps.
@@ -9,7 +9,7 @@ where the density itself makes steps.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -33,46 +33,62 @@ FAR = 4.0  # logarithms further than this from the threshold say only "inside" o
 Density = Callable[[Float[np.ndarray, "k 3"]], Float[np.ndarray, " k"]]
 
 
-def sample_logarithm(
-    density: Density, occupied: Bool[np.ndarray, "g g g"], resolution: int
-) -> Float[np.ndarray, "m m m"]:
-    """Return log density at the cell centres of the box [-1, 1]^3 and of one layer of cells around it.
+class Samples(NamedTuple):
+    """Log density [log of 1 / scene unit] at the centres of cubic cells, with one layer of empty cells
+    around.
+    """
+
+    logarithm: Float[np.ndarray, "x y z"]
+    """-inf where there is nothing."""
+    origin: Float[np.ndarray, " 3"]
+    """The corner of the first cell inside the empty layer."""
+    cell: float
+    """Side of a cell [scene units]."""
+
+
+def sample_logarithm(density: Density, occupied: Bool[np.ndarray, "g g g"], resolution: int) -> Samples:
+    """Sample the density in the bounding box of the occupied cells, `resolution` times along its longest
+    side.
 
     Points in unoccupied cells are not evaluated, since the renderer skips them too; they and the layer
-    outside are empty (-inf), which closes the surface of whatever touches the wall of the box.
+    outside are empty, which closes the surface of whatever touches the wall of the box.
 
     Args:
         density: (k, 3) points -> (k,) densities [1 / scene unit].
-        occupied: g cells along a side, indexed [x, y, z].
-        resolution: samples along a side of the box; m = resolution + 2.
+        occupied: cells of the box [-1, 1]^3, indexed [x, y, z].
     """
-    centres = ((np.arange(resolution) + 0.5) / resolution * 2 - 1).astype(np.float32)
-    cell = np.minimum(((centres + 1) / 2 * len(occupied)).astype(np.int64), len(occupied) - 1)
-    index = np.argwhere(occupied[np.ix_(cell, cell, cell)])
-    values = np.asarray(density(centres[index]), np.float64)
+    sides = len(occupied)
+    used = np.argwhere(occupied) if occupied.any() else np.array([[0] * 3, [sides - 1] * 3])
+    origin = used.min(axis=0) / sides * 2 - 1
+    extent = (used.max(axis=0) + 1) / sides * 2 - 1 - origin
+    cell = float(extent.max()) / resolution
+    counts = np.ceil(extent / cell - 1e-9).astype(np.int64)
+    centres = [origin[axis] + (np.arange(counts[axis]) + 0.5) * cell for axis in range(3)]
+    places = [np.minimum(((along + 1) / 2 * sides).astype(np.int64), sides - 1) for along in centres]
+    index = np.argwhere(occupied[np.ix_(*places)])
+    points = np.stack([centres[axis][index[:, axis]] for axis in range(3)], axis=1).astype(np.float32)
+    values = np.asarray(density(points), np.float64)
     if not np.isfinite(values).all():
         raise InputError("the scene's density is NaN or infinite; train it again with a lower learning rate")
-    grid = np.full((resolution + 2,) * 3, -np.inf, np.float32)
+    grid = np.full(counts + 2, -np.inf, np.float32)
     with np.errstate(divide="ignore"):
         grid[tuple(index.T + 1)] = np.log(values)
-    return grid
+    return Samples(grid, origin, cell)
 
 
-def surface(logarithm: Float[np.ndarray, "m m m"], threshold: float) -> Mesh:
-    """Return the closed surface where the density is `threshold` (Lewiner's marching cubes), outwards
-    oriented.
+def surface(samples: Samples, threshold: float) -> Mesh:
+    """Return the closed surface where the density is `threshold` (Lewiner's marching cubes), faces outwards.
 
-    The threshold must be below the greatest density of the grid.
+    The threshold must be below the greatest density sampled.
     """
-    resolution = len(logarithm) - 2
-    level = np.clip(logarithm - np.float32(np.log(threshold)), -FAR, FAR)
+    level = np.clip(samples.logarithm - np.float32(np.log(threshold)), -FAR, FAR)
     vertices, faces, _, _ = marching_cubes(level, 0.0, gradient_direction="ascent", allow_degenerate=False)
-    places = (vertices - 0.5) / resolution * 2 - 1
+    places = samples.origin + (vertices.astype(np.float64) - 0.5) * samples.cell
     return Mesh(np.clip(places, -1.0, 1.0).astype(np.float32), faces.astype(np.int32))
 
 
 def choose_surface(
-    logarithm: Float[np.ndarray, "m m m"],
+    samples: Samples,
     opacity: Float[np.ndarray, "n s s"],
     cameras: Sequence[Camera],
     tell: Callable[[int, str], None] = lambda done, note: None,
@@ -86,7 +102,7 @@ def choose_surface(
         InputError: the scene is empty, so that no threshold can find anything.
     """
     mask, level = opacity_masks(opacity)
-    highest = float(np.exp(logarithm.max()))
+    highest = float(np.exp(samples.logarithm.max()))
     if float(opacity.max(initial=0.0)) < LEAST_OPACITY or not highest > 0:
         raise InputError(
             f"the trained scene is empty (greatest opacity {float(opacity.max(initial=0.0)):.3f}, "
@@ -98,7 +114,7 @@ def choose_surface(
     candidates = np.geomspace(min(LEAST_DENSITY, highest / 100), 0.9 * highest, COARSE)
     for _ in range(1 + ROUNDS):
         for threshold in candidates.tolist():
-            mesh = surface(logarithm, threshold)
+            mesh = surface(samples, threshold)
             agreement[threshold] = mean_iou(silhouettes(mesh, cameras, opacity.shape[-1]), mask)
             if best is None or agreement[threshold] > best[0]:
                 best = agreement[threshold], mesh
@@ -125,11 +141,15 @@ def main(context: Context) -> None:
     cameras = comparison_cameras(options.views)
     opacity = render_views(scene, cameras, SILHOUETTE_SIZE).opacity
     occupied = scene.occupancy.occupied
-    logarithm = sample_logarithm(lambda points: scene_density(scene, points), occupied, options.resolution)
+    samples = sample_logarithm(lambda points: scene_density(scene, points), occupied, options.resolution)
     with Progress("extract", COARSE + ROUNDS * FINE, "thresholds") as progress:
-        mesh, figures = choose_surface(logarithm, opacity, cameras, progress.update)
+        mesh, figures = choose_surface(samples, opacity, cameras, progress.update)
     context.metrics.update(
-        **figures, vertices=len(mesh.vertices), faces=len(mesh.faces), occupied_share=float(occupied.mean())
+        **figures,
+        vertices=len(mesh.vertices),
+        faces=len(mesh.faces),
+        cell=samples.cell,
+        occupied_share=float(occupied.mean()),
     )
     write_ply(context.outputs["mesh"], mesh)
 

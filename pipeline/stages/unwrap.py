@@ -13,9 +13,9 @@ from pipeline.scene.mesh import Mesh, face_areas, read_ply, texture_points, writ
 from pipeline.scene.texture import surface_texels
 from pipeline.stage import Context, execute
 
-SCALES = np.linspace(
-    1.0, 0.6, 21
-)  # tried in turn, of the scale at which the charts alone would fill 85 % of the texture
+FULL = 0.85  # share of the texture that the charts would fill at the first scale tried
+SHRINK = 0.985  # least step by which the scale falls while the charts do not fit
+TRIES = 60
 
 
 def unwrap_mesh(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[str, Any]]:
@@ -52,16 +52,19 @@ def _pack(
     """
     edge_1, edge_2 = flat[index[:, 1]] - flat[index[:, 0]], flat[index[:, 2]] - flat[index[:, 0]]
     area = 0.5 * np.abs(edge_1[:, 0] * edge_2[:, 1] - edge_1[:, 1] * edge_2[:, 0]).sum()
-    for share in SCALES:
+    scale = resolution * np.sqrt(FULL / area)
+    for _ in range(TRIES):
         atlas = xatlas.Atlas()
         atlas.add_uv_mesh(flat.astype(np.float32), index.astype(np.uint32))
         pack = xatlas.PackOptions()
         pack.padding = padding
         pack.bilinear = True
-        pack.texels_per_unit = float(share * resolution * np.sqrt(0.85 / area))
+        pack.texels_per_unit = float(scale)
         atlas.generate(xatlas.ChartOptions(), pack)
         source, packed_index, uv = atlas[0]
-        if max(atlas.width, atlas.height) <= resolution and atlas.atlas_count == 1:
+        longest = max(atlas.width, atlas.height)
+        scale *= min(SHRINK, np.sqrt(resolution / longest))
+        if longest <= resolution and atlas.atlas_count == 1:
             texels = np.empty((len(flat), 2), np.float64)
             texels[source] = uv.astype(np.float64) * [atlas.width, atlas.height]
             if not np.array_equal(source[packed_index], index):

@@ -50,6 +50,19 @@ def test_floaters_go_and_large_parts_stay() -> None:
     assert floaters["components"] == 2
 
 
+def test_a_foot_cut_off_its_leg_is_no_floater() -> None:
+    """The same small ball stays near the body, and near another such fragment, and goes when it is far
+    away.
+    """
+    body = shapes.box((0.3, 0.3, 0.3), (0, 0.4, 0))
+    chain = [shapes.ball(0.05, (0, y, 0)) for y in (0.0, -0.13)]
+    raw = shapes.mesh_of(shapes.union(body, *chain, shapes.ball(0.05, (0, -0.7, 0))), 64)
+    assert topology(raw).components == 4
+    kept = remove_floaters(raw, 0.1)
+    assert topology(kept).components == 3
+    assert -0.2 < kept.vertices[:, 1].min() < -0.1
+
+
 def test_the_largest_piece_stays_whatever_the_share() -> None:
     raw = shapes.mesh_of(shapes.union(shapes.ball(0.4, (-0.4, 0, 0)), shapes.ball(0.3, (0.6, 0, 0))), 32)
     assert topology(remove_floaters(raw, 1.0)).components == 1
