@@ -32,12 +32,17 @@ def main(arguments: list[str], environment: Mapping[str, str]) -> int:
     parser.add_argument("command", choices=["run", "plan", "verify", "options"])
     command = parser.parse_args(arguments).command
     try:
-        return {"run": _run, "plan": _plan, "verify": _verify, "options": _options}[command](environment)
+        status = {"run": _run, "plan": _plan, "verify": _verify, "options": _options}[command](environment)
+        sys.stdout.flush()
+        return status
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except engine.StageFailure as error:
         print(f"error: {error}", file=sys.stderr)
+        return 1
+    except BrokenPipeError:  # the reader of the output, head for one, has had enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except KeyboardInterrupt:
         print("stopped; the same command goes on from here", file=sys.stderr)

@@ -27,10 +27,11 @@ class Progress:
             progress.update(step + 1, note="gradient 0.1")
     """
 
-    def __init__(self, label: str, total: int, unit: str = "", start: int = 0) -> None:
-        """`start` is what an earlier, interrupted run has done of `total`."""
-        self.label, self.total, self.unit, self.start = label, total, unit, start
+    def __init__(self, label: str, total: int, unit: str = "") -> None:
+        self.label, self.total, self.unit = label, total, unit
         self.began = self.said = time.monotonic()
+        self.first: tuple[int, float] | None = None
+        """Units done at the first update, and when. What came before it, compilation too, tells no pace."""
         self.width = 0
 
     def __enter__(self) -> Self:
@@ -39,14 +40,15 @@ class Progress:
     def update(self, done: int, note: str = "") -> None:
         """Tell that `done` of `total` units are done; prints at most every few seconds."""
         now = time.monotonic()
+        first, since = self.first = self.first or (done, now)
         stream = channel or sys.stderr
         terminal = stream.isatty()
         if now - self.began < PATIENCE or now - self.said < INTERVAL[terminal]:
             return
         self.said = now
         line = f"{self.label}: {done}/{self.total} {self.unit}".rstrip()
-        if done > self.start:
-            left = (now - self.began) / (done - self.start) * (self.total - done)
+        if done > first:
+            left = (now - since) / (done - first) * (self.total - done)
             line += f", {duration(left)} left"
         line += f", {note}" if note else ""
         if terminal:
