@@ -42,11 +42,9 @@ def snapshot(folder: Path) -> dict[str, str]:
     }
 
 
-def test_a_second_run_does_nothing_says_so_and_is_quick(finished: Project) -> None:
+def test_a_second_run_does_nothing_and_says_so(finished: Project) -> None:
     before = snapshot(finished.latest)
-    start = time.monotonic()
     result = finished.make("run", PROMPT=PROMPT)
-    assert time.monotonic() - start < 5
     assert result.returncode == 0
     assert finished.ran(result) == []
     assert "nothing to do" in result.stderr
