@@ -14,6 +14,7 @@ from pathlib import Path
 from pipeline import engine
 from pipeline import job as jobs
 from pipeline.errors import InputError
+from pipeline.options import describe
 from pipeline.progress import duration
 from pipeline.verify import verify
 
@@ -93,7 +94,7 @@ def _verify(environment: Mapping[str, str]) -> int:
 
 
 def _options(environment: Mapping[str, str]) -> int:
-    print(jobs.describe())
+    print(describe(jobs.Job))
     return 0
 
 

@@ -23,6 +23,7 @@ from pipeline.errors import InputError
 from pipeline.estimate import Cost, available_memory_mb, estimate
 from pipeline.files import refusal, write_text
 from pipeline.job import Job
+from pipeline.options import read_yaml
 from pipeline.plan import Step, make_plan
 from pipeline.progress import duration, say
 from pipeline.stage import FOLLOW_PARENT, die_with_parent
@@ -124,7 +125,7 @@ def _check_room(run: Path, priced: list[tuple[Step, Cost]]) -> None:
 def _snakemake(run: Path, bundle: Path, stages: list[str], threads: int, profile: Path, lock: int) -> int:
     """Have Snakemake run the stages named and those after them; return its exit status."""
     config = [f"{name}={value}" for name, value in snakemake_config(run, bundle, threads).items()]
-    here = jobs.read_yaml(profile / "config.yaml").get("executor", "local") == "local"
+    here = read_yaml(profile / "config.yaml").get("executor", "local") == "local"
     command = [
         sys.executable,
         "-m",

@@ -24,7 +24,9 @@ def estimate(stage: str, job: Job, latent_size: int, denoiser_megabytes: float) 
     train, views = job.train_nerf, job.bake.view_resolution or latent_size
     side = train.resolution or latent_size
     samples = train.cameras_per_step * side**2 * train.samples_per_ray
-    passes = train.cameras_per_step * (1 if train.guidance_scale == train.guidance_scale_end == 1 else 2)
+    passes = train.cameras_per_step * (
+        1 if train.guidance_scale == 1 and train.guidance_scale_end in (0, 1) else 2
+    )
     denoiser = passes * denoiser_megabytes * (latent_size / 32) ** 2
     texels, faces = job.bake.texture**2, job.clean.faces
     cells = job.extract.resolution**3

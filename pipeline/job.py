@@ -8,29 +8,21 @@ is what a run's job.yaml holds, and its hash names the run's folder.
 This module is imported before anything runs, so it imports nothing heavy.
 """
 
-import dataclasses
 import hashlib
 import json
-import math
 import re
-import typing
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 import yaml
 
 from pipeline.errors import InputError
+from pipeline.options import build, check, check_text, option, plain, read_yaml, short
 
-T = TypeVar("T")
 MODELS = Path(__file__).resolve().parents[1] / "onnx_models"
 DEFAULT_MODEL = "everyday-objects"
-
-
-def option(default: Any, help: str, low: float | None = None, high: float | None = None) -> Any:
-    """Return a dataclass field with its meaning and its inclusive range (None: unbounded)."""
-    return field(default=default, metadata={"help": help, "low": low, "high": high})
 
 
 @dataclass(frozen=True)
@@ -141,12 +133,14 @@ class Bake:
 
     views: int = option(24, "views decoded and projected", 4, 256)
     view_resolution: int = option(
-        0, "side of a rendered view [latent pixels]; 0: the bundle's latent size", 0, 512
+        0, "side of a rendered view [latent pixels]; 0: the bundle's latent size, doubled up to 64", 0, 512
     )
-    texture: int = option(1024, "side of the texture [texels]", 64, 16_384)
+    texture: int = option(1024, "side of the texture [texels], a power of two", 64, 16_384)
 
     def __post_init__(self) -> None:
         check(self)
+        if self.texture & (self.texture - 1):
+            raise InputError(f"bake.texture is {self.texture}, expected a power of two such as 1024")
 
 
 @dataclass(frozen=True)
@@ -220,30 +214,6 @@ STAGE_OPTIONS: dict[str, tuple[str, ...]] = {
 }
 
 
-def check(options: Any) -> None:
-    """Check every field of a dataclass of options against its type and its range.
-
-    Raises:
-        InputError: the field, the value found and the values allowed.
-    """
-    section = "" if isinstance(options, Job) else f"{_snake(type(options).__name__)}."
-    hints = typing.get_type_hints(type(options))
-    for spec in dataclasses.fields(options):
-        value = getattr(options, spec.name)
-        if not dataclasses.is_dataclass(value):
-            _check_value(f"{section}{spec.name}", value, hints[spec.name], spec.metadata)
-
-
-def check_text(name: str, text: str) -> None:
-    """Refuse text that no tokenizer, file or page can carry: NUL, or bytes that were not UTF-8."""
-    if "\0" in text:
-        raise InputError(f"{name} holds a NUL character at position {text.index(chr(0))}: remove it")
-    try:
-        text.encode("utf-8")
-    except UnicodeEncodeError as error:
-        raise InputError(f"{name} is not valid UTF-8 at position {error.start}: write it in UTF-8") from None
-
-
 def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
     """Return the complete job that the environment asks for (an empty variable counts as not given).
 
@@ -285,59 +255,9 @@ def bundle_folder(model: str, models: Path = MODELS) -> Path:
     return folder
 
 
-def read_yaml(path: Path) -> dict[str, Any]:
-    """Read a YAML mapping (safe_load: tags never execute).
-
-    Raises:
-        InputError: the file is absent, is not YAML, or holds no mapping.
-    """
-    try:
-        value = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not plain YAML: {' '.join(str(error).split())}") from None
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
-    except RecursionError:
-        raise InputError(f"{path} is nested too deeply to be a job") from None
-    if value is None:
-        return {}
-    if not isinstance(value, dict):
-        raise InputError(
-            f"{path} holds {type(value).__name__}, expected a mapping such as prompt: a red armchair"
-        )
-    return value
-
-
-def build(kind: type[T], values: Mapping[str, Any], where: str = "", section: str = "") -> T:
-    """Build a dataclass of options from plain YAML values.
-
-    Raises:
-        InputError: an unknown key (with the valid ones), a wrong type, a value out of range.
-    """
-    prefix = f"{where}: " if where else ""
-    hints = typing.get_type_hints(kind)
-    made: dict[str, Any] = {}
-    for key, value in values.items():
-        name = f"{section}{key}"
-        if key not in hints:
-            raise InputError(f"{prefix}unknown key {name!r}; valid keys: {', '.join(hints)}")
-        if dataclasses.is_dataclass(hints[key]):
-            if not isinstance(value, Mapping):
-                raise InputError(f"{prefix}{name} is {value!r}, expected a mapping of options")
-            made[key] = build(typing.cast(type, hints[key]), value, where, f"{name}.")
-        else:
-            made[key] = _widen(value, hints[key])
-    try:
-        return kind(**made)
-    except InputError as error:
-        raise (
-            error if not prefix or str(error).startswith(prefix) else InputError(f"{prefix}{error}")
-        ) from None
-
-
 def to_yaml(job: Job) -> str:
     """Return the complete job as YAML; ``build(Job, yaml.safe_load(...))`` gives the same job back."""
-    return yaml.safe_dump(_plain(job), sort_keys=False, allow_unicode=True, width=110)
+    return yaml.safe_dump(plain(job), sort_keys=False, allow_unicode=True, width=110)
 
 
 def load(path: Path) -> Job:
@@ -351,106 +271,20 @@ def load(path: Path) -> Job:
 
 def stage_options(job: Job, stage: str) -> dict[str, Any]:
     """Return the part of the job that a stage depends on, as plain JSON values."""
-    plain = _plain(job)
-    return {name: plain[name] for name in STAGE_OPTIONS[stage]}
+    values = plain(job)
+    return {name: values[name] for name in STAGE_OPTIONS[stage]}
 
 
 def run_name(job: Job) -> str:
     """Return the name of the job's folder: a readable slug and a hash of everything asked for."""
-    digest = hashlib.sha256(json.dumps(_plain(job), sort_keys=True).encode()).hexdigest()
+    digest = hashlib.sha256(json.dumps(plain(job), sort_keys=True).encode()).hexdigest()
     slug = re.sub(r"[^a-z0-9]+", "-", job.prompt.lower()).strip("-")[:40].strip("-")
     return f"{slug or 'prompt'}-{digest[:10]}"
 
 
-def describe() -> str:
-    """Return every option with its default, range and meaning, as YAML with comments."""
-    lines = []
-    for spec in dataclasses.fields(Job):
-        kind = typing.get_type_hints(Job)[spec.name]
-        if dataclasses.is_dataclass(kind):
-            lines += ["", f"{spec.name}:  # {(kind.__doc__ or '').strip()}"]
-            lines += [
-                f"  {_describe_field(inner, typing.get_type_hints(kind)[inner.name])}"
-                for inner in dataclasses.fields(kind)
-            ]
-        else:
-            lines.append(_describe_field(spec, kind))
-    return "\n".join(lines)
-
-
-def _describe_field(spec: "dataclasses.Field[Any]", hint: Any) -> str:
-    value = json.dumps(spec.default) if not isinstance(spec.default, tuple) else str(list(spec.default))
-    return f"{spec.name}: {value}".ljust(36) + f"  # {_allowed(hint, spec.metadata)}: {spec.metadata['help']}"
-
-
-def _check_value(name: str, value: Any, hint: Any, metadata: Mapping[str, Any]) -> None:
-    low = -math.inf if metadata["low"] is None else metadata["low"]
-    high = math.inf if metadata["high"] is None else metadata["high"]
-    if typing.get_origin(hint) is Literal:
-        good = isinstance(value, str) and value in typing.get_args(hint)
-    elif hint is str:
-        good = isinstance(value, str)
-    elif hint is int:
-        good = isinstance(value, int) and not isinstance(value, bool) and low <= value <= high
-    elif hint is float:
-        good = _is_real(value) and low <= value <= high
-    else:
-        good = (
-            isinstance(value, tuple)
-            and len(value) == 2
-            and all(_is_real(v) and low <= v <= high for v in value)
-            and value[0] <= value[1]
-        )
-    if not good:
-        raise InputError(f"{name} is {_short(value)}, expected {_allowed(hint, metadata)}")
-
-
-def _allowed(hint: Any, metadata: Mapping[str, Any]) -> str:
-    if typing.get_origin(hint) is Literal:
-        return " | ".join(typing.get_args(hint))
-    if hint is str:
-        return "text"
-    kind = {int: "a whole number", float: "a number"}.get(hint, "two rising numbers")
-    if metadata["low"] is None and metadata["high"] is None:
-        return kind
-    return f"{kind} from {_number(metadata['low'])} to {_number(metadata['high'])}"
-
-
-def _number(value: float | None) -> str:
-    return "any" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _is_real(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _widen(value: Any, hint: Any) -> Any:
-    """YAML has no tuples and writes whole floats as integers."""
-    if hint is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    if typing.get_origin(hint) is tuple and isinstance(value, list):
-        return tuple(float(v) if _is_real(v) else v for v in value)
-    return value
-
-
-def _plain(value: Any) -> Any:
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {spec.name: _plain(getattr(value, spec.name)) for spec in dataclasses.fields(value)}
-    return list(value) if isinstance(value, tuple) else value
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def _snake(name: str) -> str:
-    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
-
-
 def _parse_seed(text: str) -> int:
     if not re.fullmatch(r"[+-]?\d{1,20}", text.strip(), flags=re.ASCII):
-        raise InputError(f"SEED is {_short(text)}, expected a whole number from 0 to {2**32 - 1}")
+        raise InputError(f"SEED is {short(text)}, expected a whole number from 0 to {2**32 - 1}")
     return int(text)
 
 

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from pipeline import job as jobs
 from pipeline.errors import InputError
-from pipeline.job import Job, TrainNerf, build, resolve
+from pipeline.job import Job, TrainNerf, resolve
+from pipeline.options import build, describe
 
 
 @pytest.fixture
@@ -69,7 +70,7 @@ def test_any_prompt_survives_the_file(prompt: str) -> None:
 
 
 def test_the_listing_of_options_is_a_job_of_defaults() -> None:
-    listed = yaml.safe_load(jobs.describe())
+    listed = yaml.safe_load(describe(Job))
     assert build(Job, {**listed, "prompt": "x"}) == Job(prompt="x")
     for section, options in dataclasses.asdict(Job(prompt="x")).items():
         assert section in listed

@@ -2,7 +2,6 @@
 
 import io
 import time
-from collections.abc import Iterator
 
 import pytest
 
@@ -24,7 +23,7 @@ class Terminal(io.StringIO):
 
 
 @pytest.fixture
-def stream(monkeypatch: pytest.MonkeyPatch) -> Iterator[io.StringIO]:
+def stream(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
     stream = io.StringIO()
     monkeypatch.setattr(progress, "channel", stream)
     return stream

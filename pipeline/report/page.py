@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pipeline.progress import duration
-
 STYLE = """
 :root { color-scheme: light dark; --line: #8884; --dim: #888; }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
@@ -36,8 +34,8 @@ class Page:
     entries: list[dict[str, Any]]
     preview_png: bytes
     turntable_mp4: bytes
-    links: list[tuple[str, str, int]]
-    """Files of the run: path relative to the page, what it is, bytes."""
+    links: list[tuple[str, str, int | None]]
+    """Files of the run: path relative to the page, what it is, bytes (None: not written yet)."""
     job_yaml: str
 
 
@@ -87,8 +85,8 @@ def _stages(entries: list[dict[str, Any]]) -> str:
     ]
     total = sum(entry["seconds"] for entry in entries)
     peak = max((entry["peak_memory_mb"] for entry in entries), default=0)
-    rows.append(("<b>together</b>", f"<b>{total:.1f}</b>", f"<b>{peak:.0f}</b>", duration(total)))
-    return _table(("stage", "seconds", "peak MB", ""), rows, numeric=frozenset({1, 2}))
+    rows.append(("<b>together</b>", f"<b>{total:.1f}</b>", f"<b>{peak:.0f}</b>", ""))
+    return _table(("stage", "seconds", "peak MB", "taken from"), rows, numeric=frozenset({1, 2}))
 
 
 def _figures(entry: dict[str, Any]) -> str:
@@ -126,7 +124,9 @@ def _value(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
-def _size(size: int) -> str:
+def _size(size: int | None) -> str:
+    if size is None:
+        return ""
     return f"{size / 1e6:.1f} MB" if size >= 1e5 else f"{size / 1e3:.1f} kB"
 
 

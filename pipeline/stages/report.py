@@ -58,7 +58,8 @@ def main(context: Context) -> None:
         preview_png=preview.read_bytes(),
         turntable_mp4=turntable.read_bytes(),
         links=[
-            (name, what, files[name].stat().st_size if name in files else 0) for name, what in FILES.items()
+            (name, what, files[name].stat().st_size if name in files else None)
+            for name, what in FILES.items()
         ],
         job_yaml=to_yaml(context.job),
     )

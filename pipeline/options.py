@@ -1,0 +1,189 @@
+"""Typed options: dataclasses whose fields carry a meaning and a range, and their plain YAML form.
+
+Dataclasses may hold dataclasses, one level deep: the sections of a file. Types are str, int, float, a Literal
+of words, and pairs of rising numbers.
+"""
+
+import dataclasses
+import json
+import math
+import re
+import typing
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import yaml
+
+from pipeline.errors import InputError
+
+T = TypeVar("T")
+
+
+def option(default: Any, help: str, low: float | None = None, high: float | None = None) -> Any:
+    """Return a dataclass field with its meaning and its inclusive range (None: unbounded)."""
+    return dataclasses.field(default=default, metadata={"help": help, "low": low, "high": high})
+
+
+def check(options: Any) -> None:
+    """Check every field of a dataclass of options against its type and its range.
+
+    Raises:
+        InputError: the field, the value found and the values allowed.
+    """
+    hints = typing.get_type_hints(type(options))
+    nested = any(dataclasses.is_dataclass(hint) for hint in hints.values())
+    section = "" if nested else f"{_snake(type(options).__name__)}."
+    for spec in dataclasses.fields(options):
+        value = getattr(options, spec.name)
+        if not dataclasses.is_dataclass(value):
+            _check_value(f"{section}{spec.name}", value, hints[spec.name], spec.metadata)
+
+
+def check_text(name: str, text: str) -> None:
+    """Refuse text that no tokenizer, file or page can carry: NUL, or bytes that were not UTF-8."""
+    if "\0" in text:
+        raise InputError(f"{name} holds a NUL character at position {text.index(chr(0))}: remove it")
+    try:
+        text.encode("utf-8")
+    except UnicodeEncodeError as error:
+        raise InputError(f"{name} is not valid UTF-8 at position {error.start}: write it in UTF-8") from None
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """Read a YAML mapping (safe_load: tags never execute).
+
+    Raises:
+        InputError: the file is absent, is not YAML, or holds no mapping.
+    """
+    try:
+        value = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} is not plain YAML: {' '.join(str(error).split())}") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    except RecursionError:
+        raise InputError(f"{path} is nested too deeply to be a job") from None
+    if value is None:
+        return {}
+    if not isinstance(value, dict):
+        raise InputError(
+            f"{path} holds {type(value).__name__}, expected a mapping such as prompt: a red armchair"
+        )
+    return value
+
+
+def build(kind: type[T], values: Mapping[str, Any], where: str = "", section: str = "") -> T:
+    """Build a dataclass of options from plain YAML values.
+
+    Raises:
+        InputError: an unknown key (with the valid ones), a wrong type, a value out of range.
+    """
+    prefix = f"{where}: " if where else ""
+    hints = typing.get_type_hints(kind)
+    made: dict[str, Any] = {}
+    for key, value in values.items():
+        name = f"{section}{key}"
+        if key not in hints:
+            raise InputError(f"{prefix}unknown key {name!r}; valid keys: {', '.join(hints)}")
+        if dataclasses.is_dataclass(hints[key]):
+            if not isinstance(value, Mapping):
+                raise InputError(f"{prefix}{name} is {value!r}, expected a mapping of options")
+            made[key] = build(typing.cast(type, hints[key]), value, where, f"{name}.")
+        else:
+            made[key] = _widen(value, hints[key])
+    try:
+        return kind(**made)
+    except InputError as error:
+        raise (
+            error if not prefix or str(error).startswith(prefix) else InputError(f"{prefix}{error}")
+        ) from None
+
+
+def describe(kind: type) -> str:
+    """Return every option with its default, range and meaning, as YAML with comments."""
+    lines = []
+    hints = typing.get_type_hints(kind)
+    for spec in dataclasses.fields(kind):
+        section = hints[spec.name]
+        if dataclasses.is_dataclass(section):
+            inner = typing.get_type_hints(section)
+            lines += ["", f"{spec.name}:  # {(section.__doc__ or '').strip()}"]
+            lines += [
+                f"  {_describe_field(field, inner[field.name])}" for field in dataclasses.fields(section)
+            ]
+        else:
+            lines.append(_describe_field(spec, section))
+    return "\n".join(lines)
+
+
+def _describe_field(spec: "dataclasses.Field[Any]", hint: Any) -> str:
+    value = json.dumps(spec.default) if not isinstance(spec.default, tuple) else str(list(spec.default))
+    return f"{spec.name}: {value}".ljust(36) + f"  # {_allowed(hint, spec.metadata)}: {spec.metadata['help']}"
+
+
+def _check_value(name: str, value: Any, hint: Any, metadata: Mapping[str, Any]) -> None:
+    low = -math.inf if metadata["low"] is None else metadata["low"]
+    high = math.inf if metadata["high"] is None else metadata["high"]
+    if typing.get_origin(hint) is Literal:
+        good = isinstance(value, str) and value in typing.get_args(hint)
+    elif hint is str:
+        good = isinstance(value, str)
+    elif hint is int:
+        good = isinstance(value, int) and not isinstance(value, bool) and low <= value <= high
+    elif hint is float:
+        good = _is_real(value) and low <= value <= high
+    else:
+        good = (
+            isinstance(value, tuple)
+            and len(value) == 2
+            and all(_is_real(v) and low <= v <= high for v in value)
+            and value[0] <= value[1]
+        )
+    if not good:
+        raise InputError(f"{name} is {short(value)}, expected {_allowed(hint, metadata)}")
+
+
+def _allowed(hint: Any, metadata: Mapping[str, Any]) -> str:
+    if typing.get_origin(hint) is Literal:
+        return " | ".join(typing.get_args(hint))
+    if hint is str:
+        return "text"
+    kind = {int: "a whole number", float: "a number"}.get(hint, "two rising numbers")
+    if metadata["low"] is None and metadata["high"] is None:
+        return kind
+    return f"{kind} from {_number(metadata['low'])} to {_number(metadata['high'])}"
+
+
+def _number(value: float | None) -> str:
+    return "any" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _is_real(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _widen(value: Any, hint: Any) -> Any:
+    """YAML has no tuples and writes whole floats as integers."""
+    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if typing.get_origin(hint) is tuple and isinstance(value, list):
+        return tuple(float(v) if _is_real(v) else v for v in value)
+    return value
+
+
+def plain(value: Any) -> Any:
+    """Return options as plain YAML or JSON values."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {spec.name: plain(getattr(value, spec.name)) for spec in dataclasses.fields(value)}
+    return list(value) if isinstance(value, tuple) else value
+
+
+def short(value: Any) -> str:
+    """Return a value as an error quotes it."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _snake(name: str) -> str:
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
