@@ -257,7 +257,11 @@ def bundle_folder(model: str, models: Path = MODELS) -> Path:
 
 def to_yaml(job: Job) -> str:
     """Return the complete job as YAML; ``build(Job, yaml.safe_load(...))`` gives the same job back."""
-    return yaml.safe_dump(plain(job), sort_keys=False, allow_unicode=True, width=110)
+    values = plain(job)
+    text = yaml.safe_dump(values, sort_keys=False, allow_unicode=True, width=100)
+    if yaml.safe_load(text) != values:  # rare line separators (U+0085) come back as spaces unless escaped
+        text = yaml.safe_dump(values, sort_keys=False, width=100)
+    return text
 
 
 def load(path: Path) -> Job:
