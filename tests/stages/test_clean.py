@@ -64,7 +64,7 @@ def test_a_foot_cut_off_its_leg_is_no_floater() -> None:
 
 
 def test_the_largest_piece_stays_whatever_the_share() -> None:
-    raw = shapes.mesh_of(shapes.union(shapes.ball(0.4, (-0.4, 0, 0)), shapes.ball(0.3, (0.6, 0, 0))), 32)
+    raw = shapes.mesh_of(shapes.union(shapes.ball(0.4, (-0.5, 0, 0)), shapes.ball(0.1, (0.8, 0, 0))), 32)
     assert topology(remove_floaters(raw, 1.0)).components == 1
 
 

@@ -68,7 +68,7 @@ def test_points_of_empty_cells_are_not_evaluated() -> None:
     sparse = sample_logarithm(field, occupied, 24)
     points = np.concatenate(seen)
     assert np.linalg.norm(points, axis=1).max() < 0.55 + np.sqrt(3) / 16
-    assert len(points) < 0.7 * 24**3
+    assert len(points) < 0.75 * 24**3
     # The grid covers only the occupied part of the box, so its cells are smaller.
     assert sparse.cell == pytest.approx(2 * 8 / 16 / 24)
     radii = np.linalg.norm(surface(sparse, shapes.LEVEL).vertices, axis=1)
