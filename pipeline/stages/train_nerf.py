@@ -86,7 +86,7 @@ def train(
     Raises:
         FloatingPointError: a NaN or an infinity, named by tensor and step.
     """
-    with Progress("train_nerf", options.steps, "steps", start=state.step) as progress:
+    with Progress("train_nerf", options.steps, "steps") as progress:
         while state.step < options.steps:
             figures = training_step(state, options, resolution, guidance)
             history.append(_row(state.step, figures))
