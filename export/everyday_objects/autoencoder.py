@@ -12,6 +12,12 @@ LATENT_CHANNELS = 4
 FACTOR = 4  # picture pixels a latent pixel
 
 
+def zero(layer: nn.Conv2d | nn.Linear) -> None:
+    """Let a layer start as nothing, so that the block around it starts as the identity."""
+    for parameter in layer.parameters():
+        nn.init.zeros_(parameter)
+
+
 class Residual(nn.Module):
     """Two 3 x 3 convolutions beside the identity; starts as the identity."""
 
@@ -19,8 +25,7 @@ class Residual(nn.Module):
         super().__init__()
         self.first = nn.Conv2d(channels, channels, 3, padding=1)
         self.second = nn.Conv2d(channels, channels, 3, padding=1)
-        nn.init.zeros_(self.second.weight)
-        nn.init.zeros_(self.second.bias)
+        zero(self.second)
 
     def forward(self, x: Tensor) -> Tensor:
         """(b, c, h, w) to the same shape."""

@@ -74,11 +74,12 @@ def read_catalogue(work: Path) -> list[Entry]:
         for block in blocks.values():
             if "model" not in block:
                 continue
-            size = tuple(float(block.get(k, 0) or 0) for k in ("width", "height", "depth"))
+            width, height, depth = (float(block.get(k, 0) or 0) for k in ("width", "height", "depth"))
             rotation = tuple(float(x) for x in block.get("modelRotation", "1 0 0 0 1 0 0 0 1").split())
             entries.append(
                 Entry(f"{archive.stem}/{Path(block['model']).stem}", block["name"], archive.stem,
-                      folder / block["model"].lstrip("/"), size, rotation, block.get("creator", ""))
+                      folder / block["model"].lstrip("/"), (width, height, depth), rotation,
+                      block.get("creator", ""))
             )  # fmt: skip
     return entries
 
@@ -88,8 +89,10 @@ def load_model(entry: Entry) -> Model:
     %).
     """
     path = entry.path if entry.path.suffix == ".obj" else next(entry.path.parent.glob("*.obj"))
-    scene = trimesh.load(path, force="scene", process=False)
-    vertices, faces, uvs, material, colours, textures, names = [], [], [], [], [], [], []
+    scene = trimesh.load_scene(path, process=False)
+    vertices: list[np.ndarray] = []
+    faces, uvs, material, colours = [], [], [], list[np.ndarray]()
+    textures, names = [], []
     start = 0
     for name, part in sorted(scene.geometry.items()):
         look = getattr(part.visual, "material", None)

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from export.everyday_objects.autoencoder import LATENT_CHANNELS
+from export.everyday_objects.autoencoder import LATENT_CHANNELS, zero
 from export.everyday_objects.text_encoder import WIDTH
 
 PATCH = 2
@@ -26,8 +26,7 @@ class ResidualBlock(nn.Module):
         self.conv2 = nn.Conv2d(outputs, outputs, 3, padding=1)
         self.modulation = nn.Linear(embedding, 2 * outputs)
         self.skip = nn.Conv2d(inputs, outputs, 1) if inputs != outputs else nn.Identity()
-        nn.init.zeros_(self.conv2.weight)
-        nn.init.zeros_(self.conv2.bias)
+        zero(self.conv2)
 
     def forward(self, x: Tensor, embedding: Tensor) -> Tensor:
         """(b, inputs, h, w), (b, embedding) to (b, outputs, h, w)."""
@@ -46,8 +45,7 @@ class Attention(nn.Module):
         self.q = nn.Linear(width, width, bias=False)
         self.kv = nn.Linear(context, 2 * width, bias=False)
         self.out = nn.Linear(width, width)
-        nn.init.zeros_(self.out.weight)
-        nn.init.zeros_(self.out.bias)
+        zero(self.out)
 
     def forward(self, x: Tensor, context: Tensor) -> Tensor:
         """(b, n, width), (b, l, context) to (b, n, width)."""
@@ -131,8 +129,7 @@ class Denoiser(nn.Module):
             previous = c
         self.norm = nn.GroupNorm(GROUPS, channels[0])
         self.head = nn.Conv2d(channels[0], patch, 3, padding=1)
-        nn.init.zeros_(self.head.weight)
-        nn.init.zeros_(self.head.bias)
+        zero(self.head)
 
     def forward(self, sample: Tensor, timestep: Tensor, encoder_hidden_states: Tensor) -> Tensor:
         """Latents (b, 4, h, w), h and w multiples of 8, timesteps (b,) integer, text (b, l, d) to v of the
@@ -145,14 +142,14 @@ class Denoiser(nn.Module):
         x = self.stem(F.pixel_unshuffle(sample, PATCH))
         skips = []
         for levels, shrink in zip(self.down, self.shrink, strict=True):
-            for level in levels:
+            for level in levels.children():
                 x = level(x, embedding, encoder_hidden_states)
                 skips.append(x)
             x = shrink(x)
         for level in self.middle:
             x = level(x, embedding, encoder_hidden_states)
         for i, (levels, grow) in enumerate(zip(self.up, self.grow, strict=True)):
-            for level in levels:
+            for level in levels.children():
                 x = level(torch.cat([x, skips.pop()], dim=1), embedding, encoder_hidden_states)
             if i + 1 < len(self.up):
                 x = grow(F.interpolate(x, scale_factor=2.0, mode="nearest"))

@@ -10,6 +10,7 @@ import numpy as np
 from export.everyday_objects.captions import draw_colour
 from export.everyday_objects.catalogue import Model, fit
 
+Vector = tuple[float, float, float] | np.ndarray
 Part = tuple[np.ndarray, np.ndarray, np.ndarray]  # vertices, faces, RGB
 
 
@@ -38,7 +39,7 @@ def grid_faces(rows: int, columns: int) -> np.ndarray:
 
 
 def lathe(
-    profile: list[tuple[float, float]], colour: np.ndarray, at=(0.0, 0.0, 0.0), sides: int = 40
+    profile: list[tuple[float, float]], colour: np.ndarray, at: Vector = (0.0, 0.0, 0.0), sides: int = 40
 ) -> Part:
     """Turn a polyline of (radius, height) about the y axis."""
     radius, height = np.asarray(profile, np.float64).T
@@ -48,14 +49,16 @@ def lathe(
     return np.stack([x, y, z], -1).reshape(-1, 3) + at, grid_faces(len(profile), sides), colour
 
 
-def ellipsoid(radii, colour: np.ndarray, at=(0.0, 0.0, 0.0), top: float = 0.0, bottom: float = np.pi) -> Part:
+def ellipsoid(
+    radii: Vector, colour: np.ndarray, at: Vector = (0.0, 0.0, 0.0), top: float = 0.0, bottom: float = np.pi
+) -> Part:
     """An ellipsoid (or the zone of it between two polar angles)."""
     t = np.linspace(top, bottom, 24)
     vertices, faces, _ = lathe(list(zip(np.sin(t), np.cos(t), strict=True)), colour)
     return vertices * np.asarray(radii) + at, faces, colour
 
 
-def box(size, colour: np.ndarray, at=(0.0, 0.0, 0.0)) -> Part:
+def box(size: Vector, colour: np.ndarray, at: Vector = (0.0, 0.0, 0.0)) -> Part:
     """An axis-parallel box, `at` its centre."""
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
     faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6],
@@ -65,10 +68,15 @@ def box(size, colour: np.ndarray, at=(0.0, 0.0, 0.0)) -> Part:
 
 
 def torus(
-    major: float, minor: float, colour: np.ndarray, arc=(0.0, 2 * np.pi), at=(0.0, 0.0, 0.0), squash=1.0
+    major: float,
+    minor: float,
+    colour: np.ndarray,
+    arc: tuple[float, float] = (0.0, 2 * np.pi),
+    at: Vector = (0.0, 0.0, 0.0),
+    squash: float = 1.0,
 ) -> Part:
     """A ring about the y axis, or the arc of its tube between two angles of the tube."""
-    t = np.linspace(*arc, 28)
+    t = np.linspace(arc[0], arc[1], 28)
     return lathe([(major + minor * np.cos(a), squash * minor * np.sin(a)) for a in t], colour, at, 56)
 
 

@@ -12,7 +12,7 @@ from PIL import Image
 
 from pipeline.diffusion import sessions
 from pipeline.diffusion.bundle import open_bundle
-from pipeline.diffusion.schedule import load_schedule
+from pipeline.diffusion.schedule import Schedule, load_schedule
 from pipeline.diffusion.tokenizer import load_tokenizer
 
 VIEWS = (
@@ -26,7 +26,14 @@ VIEWS = (
 
 
 def ddim(
-    denoise, schedule, cond: np.ndarray, uncond: np.ndarray, size: int, guidance: float, steps: int, seed: int
+    denoise: sessions.Denoise,
+    schedule: Schedule,
+    cond: np.ndarray,
+    uncond: np.ndarray,
+    size: int,
+    guidance: float,
+    steps: int,
+    seed: int,
 ) -> np.ndarray:
     """Deterministic DDIM (Song et al. 2020, eta 0) from noise to latents (b, 4, size, size)."""
     rng = np.random.default_rng(seed)

@@ -27,8 +27,8 @@ def to_batch(images: np.ndarray) -> torch.Tensor:
 def train(work: Path, steps: int, batch: int = 16, rate: float = 1.5e-3) -> tuple[Encoder, Decoder]:
     """Train for `steps` in all (cosine decay), saving the state every 500."""
     torch.manual_seed(0)
-    encoder = Encoder().to(memory_format=torch.channels_last)
-    decoder = Decoder().to(memory_format=torch.channels_last)
+    encoder = Encoder().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    decoder = Decoder().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     parameters = [*encoder.parameters(), *decoder.parameters()]
     optimiser = torch.optim.AdamW(parameters, rate, weight_decay=1e-4)
     state, start = work / "autoencoder.state.pt", 0

@@ -58,11 +58,11 @@ def train(work: Path, steps: int, batch: int = 64, rate: float = 6e-4) -> None:
         train_tokenizer(work / "tokenizer", texts, vocabulary_size=900, max_length=MAX_TOKENS)
     tokenizer = load_tokenizer(work / "tokenizer")
     text_encoder = TextEncoder(tokenizer.engine.get_vocab_size())
-    denoiser = Denoiser().to(memory_format=torch.channels_last)
+    denoiser = Denoiser().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     networks = {"text_encoder": text_encoder, "denoiser": denoiser}
     average = {f"{n}.{k}": v.clone() for n, net in networks.items() for k, v in net.state_dict().items()}
     parameters = [p for net in networks.values() for p in net.parameters()]
-    optimiser = torch.optim.AdamW(parameters, rate, betas=(0.9, 0.99), weight_decay=0.01)
+    optimiser = torch.optim.AdamW(parameters, rate, betas=(0.9, 0.99), weight_decay=0.01, fused=True)
     state, start = work / "denoiser.state.pt", 0
     if state.exists():
         saved = torch.load(state, weights_only=True)

@@ -71,16 +71,14 @@ def sample_cameras(
     """
     azimuths = (2 * np.pi / count) * (np.arange(count) + rng.uniform(0, 1, count)) + rng.uniform(0, 2 * np.pi)
     azimuths = np.mod(azimuths, 2 * np.pi)
-    polars = rng.uniform(*polar_range, count)
-    radii = rng.uniform(*radius_range, count)
-    fovs = rng.uniform(*fov_range, count)
+    polars = rng.uniform(polar_range[0], polar_range[1], count)
+    radii = rng.uniform(radius_range[0], radius_range[1], count)
+    fovs = rng.uniform(fov_range[0], fov_range[1], count)
     cameras = [orbit_camera(*v) for v in zip(azimuths, polars, radii, fovs, strict=True)]
     return cameras, azimuths, polars
 
 
-def camera_rays(
-    camera: Camera, size: int
-) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "rays 3"]]:
+def camera_rays(camera: Camera, size: int) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "rays 3"]]:
     """Return the ray origin and the unit directions through the pixel centres of a `size` x `size`
     picture.
     """
