@@ -58,15 +58,19 @@ class TrainNerf:
     # an ideal denoiser of a known scene 3 costs 0.15 dB and 30 costs 3.4 dB; below 1 it does not act.
     sparsity_weight: float = option(1.0, "weight of the binary entropy of every ray's opacity", 0, 1e6)
     opacity_weight: float = option(0.0, "weight of the mean opacity", 0, 1e6)
+    emptiness_weight: float = option(
+        100.0, "weight of the optical thickness of the box where rendering takes it to be empty", 0, 1e6
+    )
     background: Literal["random", "learned"] = option(
         "random", "a random flat colour each view, or a learned one"
     )
-    blob_density: float = option(5.0, "height of the density bias at the centre", 0, 1000)
-    blob_radius: float = option(0.2, "standard deviation of the density bias [scene units]", 1e-3, 10)
-    # The paper's code starts at 0 and cuts the fog off with its first occupancy grid; -2 starts without it.
+    # The paper's code starts from density 1 everywhere (bias 0, blob 5), and its first occupancy grid cuts
+    # that fog off; rendered as it is, fog grows and fills the box. -4 starts without any.
     density_bias: float = option(
-        -2.0, "added to the log density everywhere; below 0 the box starts empty around the blob", -15, 15
+        -4.0, "log density [1 / scene unit] far from the centre at the start", -15, 15
     )
+    blob_density: float = option(7.0, "height of the bump of the log density at the centre", 0, 1000)
+    blob_radius: float = option(0.2, "standard deviation of that bump [scene units]", 1e-3, 10)
     grid_levels: int = option(16, "levels of the hash grid", 1, 24)
     grid_finest: int = option(512, "cells along a side of the box at the finest level", 16, 8192)
     grid_table_log2: int = option(16, "log2 of the most table entries of a level", 8, 22)

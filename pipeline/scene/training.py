@@ -25,6 +25,8 @@ from pipeline.scene.rendering import behind, make_rays, render_rays
 from pipeline.scene.scene import Scene, density
 
 _ENTROPY_CLAMP = 1e-5
+_PROBES = 2048
+"""Points at which a step looks into the cells that rendering skips."""
 
 
 class Batch(NamedTuple):
@@ -133,6 +135,8 @@ def training_step(state: State, options: TrainNerf, resolution: int, guidance: G
 
     entropy = binary_entropy(opacity).mean()
     regulariser = options.sparsity_weight * entropy + options.opacity_weight * opacity.mean()
+    if options.emptiness_weight:
+        regulariser = regulariser + options.emptiness_weight * unseen_thickness(scene, state.rng)
     state.optimizer.zero_grad(set_to_none=True)
     share = torch.from_numpy(gradient / np.float32(len(batch.cameras)))
     torch.autograd.backward([latents, regulariser], [share, None])
@@ -177,6 +181,20 @@ def draw_batch(
     noise = rng.standard_normal((count, 4, resolution, resolution), np.float32)
     scale = _ramp(options.guidance_scale, options.guidance_scale_end, progress)
     return Batch(cameras, azimuths, polars, backgrounds, levels, noise, scale)
+
+
+def unseen_thickness(scene: Scene, rng: np.random.Generator) -> Float[Tensor, ""]:
+    """Return the optical thickness of the box, across its width, due to the cells that rendering skips.
+
+    Estimated at random points. No ray sees these cells, so nothing else would hold their density down while
+    the network they share with the object moves: haze would gather there and appear everywhere at once.
+    """
+    points = rng.uniform(-1, 1, (_PROBES, 3)).astype(np.float32)
+    cells = len(scene.occupancy.occupied)
+    index = np.minimum(((points + 1) * (cells / 2)).astype(np.int64), cells - 1)
+    hidden = torch.from_numpy(points[~scene.occupancy.occupied[tuple(index.T)]])
+    density, _ = scene.field.attach([scene.field.evaluate(hidden)] if len(hidden) else [])
+    return density.sum() * (2 / _PROBES)
 
 
 def binary_entropy(opacity: Float[Tensor, " r"]) -> Float[Tensor, " r"]:

@@ -15,6 +15,7 @@ from pipeline.scene.training import (
     initial_state,
     require_finite,
     training_step,
+    unseen_thickness,
 )
 from pipeline.stages.train_nerf import collapse, train
 from tests.oracle import TWO_BALLS, inside, oracle_guidance, picture
@@ -23,7 +24,8 @@ SIZE = 16
 BACKGROUNDS = np.random.default_rng(5).standard_normal((16, 4)).astype(np.float32)
 SMALL = {
     "samples_per_ray": 40,
-    "density_bias": -2.0,
+    "density_bias": -3.0,
+    "blob_density": 6.0,
     "blob_radius": 0.3,
     "grid_levels": 8,
     "grid_finest": 64,
@@ -70,6 +72,36 @@ def test_opacity_and_entropy_weights_act() -> None:
         figures = [training_step(state, options, 8, no_guidance) for _ in range(options.steps)]
         first, last = (np.mean([getattr(f, figure) for f in part]) for part in (figures[:10], figures[-10:]))
         assert last < 0.7 * first, weight
+
+
+def test_empty_cells_are_held_empty() -> None:
+    """Rays do not see them: without the emptiness weight the push at the object raises their density too."""
+    thickness = []
+    for weight in (0.0, 100.0):
+        options = TrainNerf(steps=60, sparsity_weight=0.0, emptiness_weight=weight, **SMALL)
+        state = initial_state(options, BACKGROUNDS, 0)
+        for _ in range(options.steps):
+            training_step(state, options, 8, lambda latents, batch: -10 * latents)
+        corner = np.random.default_rng(0).uniform(0.7, 1, (2000, 3)).astype(np.float32)
+        thickness.append(2 * float(density(state.scene, corner).mean()))
+    assert thickness[1] < 0.1
+    assert thickness[0] > 2 * thickness[1]
+
+
+def test_unseen_thickness_is_that_of_a_uniform_box() -> None:
+    state = initial_state(TrainNerf(**SMALL), BACKGROUNDS, 0)
+    with torch.no_grad():
+        for parameter in state.scene.field.parameters():
+            parameter.zero_()
+    state.scene.field.shape = state.scene.field.shape._replace(blob_density=0.0, density_bias=np.log(0.3))
+    state.scene.occupancy = state.scene.occupancy._replace(occupied=np.zeros((4, 4, 4), np.bool_))
+    assert float(unseen_thickness(state.scene, state.rng).detach()) == pytest.approx(0.6, rel=1e-4)
+    half = np.zeros((4, 4, 4), np.bool_)
+    half[:2] = True
+    state.scene.occupancy = state.scene.occupancy._replace(occupied=half)
+    assert float(unseen_thickness(state.scene, state.rng).detach()) == pytest.approx(0.3, rel=0.1)
+    state.scene.occupancy = state.scene.occupancy._replace(occupied=np.ones((4, 4, 4), np.bool_))
+    assert float(unseen_thickness(state.scene, state.rng).detach()) == 0
 
 
 def test_learned_background_is_trained() -> None:
