@@ -57,6 +57,9 @@ class TrainNerf:
     # The paper's 5e-4 acted through a gradient scaler that the distillation bypassed: 33 in effect. On
     # an ideal denoiser of a known scene 3 costs 0.15 dB and 30 costs 3.4 dB; below 1 it does not act.
     sparsity_weight: float = option(1.0, "weight of the binary entropy of every ray's opacity", 0, 1e6)
+    sparsity_ramp: float = option(
+        0.0, "share of the run over which that weight grows from 0; 0: constant, as in the paper", 0, 1
+    )
     opacity_weight: float = option(0.0, "weight of the mean opacity", 0, 1e6)
     emptiness_weight: float = option(
         100.0, "weight of the optical thickness of the box where rendering takes it to be empty", 0, 1e6

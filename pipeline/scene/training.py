@@ -134,7 +134,8 @@ def training_step(state: State, options: TrainNerf, resolution: int, guidance: G
     clock.append(time.perf_counter())
 
     entropy = binary_entropy(opacity).mean()
-    regulariser = options.sparsity_weight * entropy + options.opacity_weight * opacity.mean()
+    growth = min(1.0, progress / options.sparsity_ramp) if options.sparsity_ramp else 1.0
+    regulariser = growth * options.sparsity_weight * entropy + options.opacity_weight * opacity.mean()
     if options.emptiness_weight:
         regulariser = regulariser + options.emptiness_weight * unseen_thickness(scene, state.rng)
     state.optimizer.zero_grad(set_to_none=True)

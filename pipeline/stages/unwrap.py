@@ -25,7 +25,8 @@ def unwrap_mesh(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[s
     Args:
         mesh: at most some ten thousands of faces: xatlas merges charts in more than linear time.
         resolution: texture size that the charts are packed for [texels].
-        padding: texels kept free around every chart at that size.
+        padding: texels kept free around every chart at that size; halved until the charts fit, at the
+            least 1. `figures["padding"]` tells what it came to.
     """
     atlas = xatlas.Atlas()
     atlas.add_mesh(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))
@@ -37,15 +38,25 @@ def unwrap_mesh(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[s
         raise InputError("xatlas left out or reordered faces: the mesh is degenerate; raise clean.faces")
     # xatlas divides by the width and the height of its own atlas; undo that to get lengths of the surface.
     flat = uv.astype(np.float64) * [atlas.width, atlas.height] / atlas.texels_per_unit
-    texels, charts = _pack(flat, index.astype(np.int32), resolution, padding)
+    texels, charts = None, 0
+    for room in (padding >> halvings for halvings in range(padding.bit_length() or 1)):
+        texels, charts = _pack(flat, index.astype(np.int32), resolution, room)
+        if texels is not None:
+            break
+    if texels is None:
+        raise InputError(
+            f"{charts} charts do not fit a texture of {resolution}; raise unwrap.resolution, or lower "
+            "clean.faces: a smoother mesh has fewer charts"
+        )
     unwrapped = mesh._replace(uv=(texels / resolution).astype(np.float32), uv_faces=index.astype(np.int32))
-    return unwrapped, {"charts": charts, **uv_figures(unwrapped, resolution)}
+    return unwrapped, {"charts": charts, "padding": room, **uv_figures(unwrapped, resolution)}
 
 
 def _pack(
     flat: Float[np.ndarray, "t 2"], index: Int[np.ndarray, "f 3"], resolution: int, padding: int
-) -> tuple[Float[np.ndarray, "t 2"], int]:
-    """Return texture coordinates [texels] at the largest scale tried that fits, and the number of charts.
+) -> tuple[Float[np.ndarray, "t 2"] | None, int]:
+    """Return texture coordinates [texels] at the largest scale tried that fits (None: no scale did), and the
+    number of charts.
 
     Asked for a resolution, xatlas takes it as a hint and overshoots by a fifth; asked for a scale, it obeys.
     Only the packing is repeated (a tenth of a second each), not the charts.
@@ -72,10 +83,7 @@ def _pack(
                     "xatlas reordered faces while packing: the mesh is degenerate; raise clean.faces"
                 )
             return texels, int(atlas.chart_count)
-    raise InputError(
-        f"{atlas.chart_count} charts with {padding} texels of padding do not fit a texture of {resolution}; "
-        "raise unwrap.resolution or lower unwrap.padding"
-    )
+    return None, int(atlas.chart_count)
 
 
 def uv_figures(mesh: Mesh, resolution: int) -> dict[str, float]:
@@ -110,6 +118,11 @@ def main(context: Context) -> None:
     options = context.job.unwrap
     mesh, figures = unwrap_mesh(read_ply(context.inputs["mesh"]), options.resolution, options.padding)
     context.metrics.update(figures)
+    if figures["padding"] < options.padding:
+        context.metrics["warnings"] = [
+            f"{figures['charts']} charts leave room for {figures['padding']} texels of padding instead of "
+            f"{options.padding}: seams may show from afar; raise unwrap.resolution"
+        ]
     write_obj(context.outputs["mesh"], mesh)
 
 

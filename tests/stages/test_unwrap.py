@@ -71,6 +71,13 @@ def test_figures_of_a_square() -> None:
     assert folded["overlap"] > 0.9
 
 
-def test_a_texture_too_small_for_the_padding_is_refused() -> None:
+def test_padding_gives_way_when_the_charts_need_the_room() -> None:
+    mesh, figures = unwrap_mesh(shapes.mesh_of(shapes.chair(), 24), 64, 40)
+    assert mesh.uv is not None
+    assert 1 <= figures["padding"] < 40
+    assert figures["overlap"] == 0
+
+
+def test_a_texture_too_small_for_the_charts_is_refused() -> None:
     with pytest.raises(InputError, match=r"do not fit.*unwrap\.resolution"):
-        unwrap_mesh(shapes.mesh_of(shapes.chair(), 24), 64, 40)
+        unwrap_mesh(shapes.mesh_of(shapes.chair(), 24), 8, 4)
