@@ -16,6 +16,7 @@ from tokenizers import Tokenizer, models, trainers
 from pipeline.diffusion.bundle import open_bundle, sha256_of
 from pipeline.diffusion.tokenizer import BEGIN, END, split_words
 
+PROSE = (".md", ".png")  # a model card may be improved without the model becoming another one
 GRAPH_CLASSES = {
     "text_encoder": "CLIPTextModel",
     "unet": "UNet2DConditionModel",
@@ -140,7 +141,7 @@ def write_bundle_json(folder: Path, description: Mapping[str, Any]) -> None:
     latent_channels, latent_scale, view_prompts, distillation, known_words, latent_to_rgb, ...).
     """
     place = folder / "bundle.json"
-    files = sorted(path for path in folder.rglob("*") if path.is_file() and path != place)
+    files = sorted(p for p in folder.rglob("*") if p.is_file() and p != place and p.suffix not in PROSE)
     checksums = {path.relative_to(folder).as_posix(): sha256_of(path) for path in files}
     write_json(place, {"format": 1, **description, "files": checksums})
     open_bundle(folder)

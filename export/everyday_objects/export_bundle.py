@@ -28,8 +28,22 @@ from export.graph import export_graph
 from pipeline.diffusion.tokenizer import load_tokenizer
 
 NAME = "everyday-objects"
-# How score distillation is best run with this model; keys of pipeline.job.TrainNerf.
+# How score distillation is best run with this model, by eye on a first set of prompts; keys of
+# pipeline.job.TrainNerf. `steps` stays out: QUALITY decides it.
 DISTILLATION = {
+    "guidance_scale": 10.0,
+    "guidance_scale_end": 5.0,
+    "timestep_min": 0.2,
+    "timestep_max": 0.98,
+    "timestep_max_end": 0.4,
+    "predicted_clean_clamp": 4.0,
+    "signal_power": 0.0,
+    "sparsity_weight": 60.0,
+    "sparsity_ramp": 0.8,
+    "opacity_weight": 20.0,
+    "blob_radius": 0.3,
+    "grid_levels": 12,
+    "grid_finest": 256,
     "radius": list(RADIUS_RANGE),
     "fov_degrees": list(FOV_RANGE),
     "polar_degrees": [40.0, 105.0],
@@ -180,8 +194,9 @@ def export_bundle(work: Path, folder: Path) -> None:
             },
             "licences": {
                 "weights": "Apache-2.0",
-                "models": "CC0 1.0: BlendSwap-CC-0; CC-BY 3.0: BlendSwap-CC-BY, KatorLegaz, "
-                "Reallusion, Scopia",
+                "models": "CC0 1.0: BlendSwap-CC-0; CC-BY 3.0: BlendSwap-CC-BY, Scopia; "
+                "CC-BY 3.0 US: KatorLegaz, Reallusion",
+                "credits": sorted({f"{e.creator} ({e.library})" for part in trained.values() for e in part}),
             },
         },
     )
