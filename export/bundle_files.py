@@ -13,8 +13,9 @@ from typing import Any
 
 from tokenizers import Tokenizer, models, trainers
 
-from pipeline.diffusion.bundle import open_bundle, sha256_of
+from pipeline.diffusion.bundle import open_bundle
 from pipeline.diffusion.tokenizer import BEGIN, END, split_words
+from pipeline.files import file_sha256
 
 PROSE = (".md", ".png")  # a model card may be improved without the model becoming another one
 GRAPH_CLASSES = {
@@ -142,6 +143,6 @@ def write_bundle_json(folder: Path, description: Mapping[str, Any]) -> None:
     """
     place = folder / "bundle.json"
     files = sorted(p for p in folder.rglob("*") if p.is_file() and p != place and p.suffix not in PROSE)
-    checksums = {path.relative_to(folder).as_posix(): sha256_of(path) for path in files}
+    checksums = {path.relative_to(folder).as_posix(): file_sha256(path) for path in files}
     write_json(place, {"format": 1, **description, "files": checksums})
     open_bundle(folder)

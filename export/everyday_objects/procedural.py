@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from export.everyday_objects.captions import draw_colour
+from export.everyday_objects.captions import COLOURS, draw_colour
 from export.everyday_objects.catalogue import Model, fit
 
 Vector = tuple[float, float, float] | np.ndarray
@@ -94,25 +94,9 @@ def pick(rng: np.random.Generator, *names: str) -> np.ndarray:
     return draw_colour(rng, names[rng.integers(len(names))])
 
 
-BRIGHT = (
-    "red",
-    "orange",
-    "yellow",
-    "green",
-    "blue",
-    "purple",
-    "pink",
-    "brown",
-    "black",
-    "white",
-    "grey",
-    "beige",
-)
-
-
 def mushroom(rng: np.random.Generator) -> Model:
     """A stem, a cap, and often white spots."""
-    cap, stem = pick(rng, "red", "red", "brown", *BRIGHT), pick(rng, "white", "beige")
+    cap, stem = pick(rng, "red", "red", "brown", *COLOURS), pick(rng, "white", "beige")
     h, r, w = rng.uniform(0.5, 0.9), rng.uniform(0.45, 0.7), rng.uniform(0.12, 0.2)
     height = rng.uniform(0.3, 0.55)
     parts = [
@@ -130,7 +114,7 @@ def mushroom(rng: np.random.Generator) -> Model:
 
 def house(rng: np.random.Generator) -> Model:
     """Walls of one colour, a gabled or hipped roof of another, a door and windows."""
-    wall, roof = pick(rng, *BRIGHT), pick(rng, "red", "brown", "grey", "black", "orange", "blue")
+    wall, roof = pick(rng, *COLOURS), pick(rng, "red", "brown", "grey", "black", "orange", "blue")
     w, h, d, r = rng.uniform(0.8, 1.2), rng.uniform(0.5, 0.9), rng.uniform(0.7, 1.2), rng.uniform(0.3, 0.6)
     over, hip = 0.08, rng.choice([0.0, 0.0, 0.25])
     x, z = w / 2 + over, d / 2 + over
@@ -166,7 +150,7 @@ def house(rng: np.random.Generator) -> Model:
 def rocket(rng: np.random.Generator) -> Model:
     """A body, a nose cone, fins, a window and a nozzle."""
     body, trim = (
-        pick(rng, "white", "grey", *BRIGHT),
+        pick(rng, "white", "grey", *COLOURS),
         pick(rng, "red", "red", "blue", "orange", "yellow", "green"),
     )
     r, h, nose = rng.uniform(0.18, 0.28), rng.uniform(0.8, 1.1), rng.uniform(0.3, 0.5)
@@ -200,7 +184,7 @@ def rocket(rng: np.random.Generator) -> Model:
 def donut(rng: np.random.Generator) -> Model:
     """A ring of dough with icing and sprinkles."""
     major, minor = 0.5, rng.uniform(0.19, 0.27)
-    icing = pick(rng, "pink", "pink", "brown", "white", *BRIGHT)
+    icing = pick(rng, "pink", "pink", "brown", "white", *COLOURS)
     parts = [
         torus(major, minor, np.array([0.82, 0.6, 0.34]) * rng.uniform(0.85, 1.1)),
         torus(major, minor * 1.07, icing, (-0.15, np.pi + 0.15), (0, 0.01, 0)),
@@ -209,13 +193,13 @@ def donut(rng: np.random.Generator) -> Model:
         a, b = rng.uniform(0, 2 * np.pi), rng.uniform(0.5, 2.6)
         q = major + minor * 1.08 * np.cos(b)
         at = (q * np.sin(a), minor * 1.08 * np.sin(b) + 0.01, q * np.cos(a))
-        parts.append(ellipsoid((0.025, 0.02, 0.025), pick(rng, *BRIGHT[:7], "white"), at))
+        parts.append(ellipsoid((0.025, 0.02, 0.025), pick(rng, *COLOURS[:7], "white"), at))
     return assemble(parts)
 
 
 def duck(rng: np.random.Generator) -> Model:
     """A rubber duck."""
-    body, beak = pick(rng, "yellow", "yellow", *BRIGHT), pick(rng, "orange", "orange", "red")
+    body, beak = pick(rng, "yellow", "yellow", *COLOURS), pick(rng, "orange", "orange", "red")
     s = rng.uniform(0.9, 1.1)
     parts = [
         ellipsoid((0.42, 0.33, 0.55), body, (0, 0.33, 0)),
@@ -255,7 +239,7 @@ def snowman(rng: np.random.Generator) -> Model:
 
 def mug(rng: np.random.Generator) -> Model:
     """A cylinder with a handle to +x, hollow, sometimes filled."""
-    colour = pick(rng, *BRIGHT)
+    colour = pick(rng, *COLOURS)
     r, h, t = rng.uniform(0.32, 0.42), rng.uniform(0.65, 0.95), 0.04
     taper = rng.uniform(0.85, 1.05)
     parts = [lathe([(0, 0), (r * taper, 0), (r, h), (r - t, h), ((r - t) * taper, t), (0, t)], colour)]
@@ -269,7 +253,7 @@ def mug(rng: np.random.Generator) -> Model:
 
 def ball(rng: np.random.Generator) -> Model:
     """A ball: plain, or with bands of two colours."""
-    first, second = pick(rng, *BRIGHT), pick(rng, *BRIGHT)
+    first, second = pick(rng, *COLOURS), pick(rng, *COLOURS)
     if rng.random() < 0.5:
         return assemble([ellipsoid((0.5,) * 3, first)])
     cuts = np.linspace(0, np.pi, int(rng.choice([3, 4, 6])))
@@ -283,9 +267,9 @@ def ball(rng: np.random.Generator) -> Model:
 def ice_cream(rng: np.random.Generator) -> Model:
     """A cone with one to three scoops."""
     parts = [lathe([(0.0, -0.75), (0.27, 0.0), (0.24, 0.02)], np.array([0.85, 0.62, 0.35]))]
-    first = pick(rng, "pink", "white", "brown", *BRIGHT)
+    first = pick(rng, "pink", "white", "brown", *COLOURS)
     for i in range(int(rng.integers(1, 4))):
-        colour = first if rng.random() < 0.6 else pick(rng, *BRIGHT)
+        colour = first if rng.random() < 0.6 else pick(rng, *COLOURS)
         parts.append(ellipsoid((0.29 - 0.02 * i, 0.27, 0.29 - 0.02 * i), colour, (0, 0.12 + 0.33 * i, 0)))
     return assemble(parts)
 

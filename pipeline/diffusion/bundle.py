@@ -10,7 +10,6 @@ one line. Importing this module is cheap: no onnxruntime, no torch.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ from jaxtyping import Float
 
 from pipeline.diffusion.onnx_file import OnnxFile, check_external, read_onnx
 from pipeline.errors import InputError
+from pipeline.files import file_sha256
 
 T = TypeVar("T")
 
@@ -121,17 +121,11 @@ def _verify_checksums(folder: Path, files: dict[str, str]) -> None:
         path = folder / relative
         if not path.is_file():
             raise InputError(f"{path}: missing, listed in bundle.json; copy the bundle again")
-        if sha256_of(path) != expected:
+        if file_sha256(path) != expected:
             raise InputError(
                 f"{path}: {path.stat().st_size} bytes that differ from the checksum in bundle.json "
                 "(truncated or changed); copy the bundle again"
             )
-
-
-def sha256_of(path: Path) -> str:
-    """Return the sha256 of a file, in hexadecimal."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def read_json(path: Path) -> dict[str, Any]:
