@@ -37,7 +37,8 @@ def draw(screen, faces, triangle, barycentric, inverse_depth):
                 px = x + 0.5
                 wa = ((bx - px) * (cy - py) - (cx - px) * (by - py)) * scale
                 wb = ((cx - px) * (ay - py) - (ax - px) * (cy - py)) * scale
-                wc = 1.0 - wa - wb
+                # Not 1 - wa - wb: an edge shared by two faces gives them exactly opposite signs, so no crack.
+                wc = ((ax - px) * (by - py) - (bx - px) * (ay - py)) * scale
                 if wa < 0 or wb < 0 or wc < 0:
                     continue
                 inverse = wa * az + wb * bz + wc * cz

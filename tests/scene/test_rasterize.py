@@ -55,6 +55,18 @@ def test_a_shared_edge_leaves_no_hole():
     assert fragments.mask.all()
 
 
+def test_a_fan_of_slivers_leaves_no_crack():
+    rng = np.random.default_rng(0)
+    angle = np.sort(rng.uniform(0, 2 * np.pi, 300))
+    rim = 3 * np.stack([np.cos(angle), np.sin(angle), np.zeros(300)], axis=-1)
+    vertices = np.concatenate([[[0.137, -0.071, 0.0]], rim])
+    i = np.arange(300)
+    faces = np.stack([np.zeros(300, int), 1 + i, 1 + (i + 1) % 300], axis=-1)
+    fragments = rasterize(orbit_camera(0.3, 1.3, 2, 0.8), vertices, faces, 128)
+    assert fragments.mask.all()
+    assert np.allclose(fragments.barycentric.sum(-1), 1, atol=1e-5)
+
+
 def test_degenerate_hidden_and_absent_faces_draw_nothing():
     camera = orbit_camera(0, np.pi / 2, 2, 0.9)
     line = np.array([[-1.0, 0, 0], [0, 0, 0], [1, 0, 0]])
