@@ -1,7 +1,8 @@
 """Which catalogue models stand for which noun, and how freely each noun may be recoloured.
 
-A row: the words a prompt may use (the first is the main one), a pattern over the whole catalogue name (lower
-case), the share of its pictures that are recoloured, and the weight of the noun in the training mixture.
+A row: the words a prompt may use (the first is the main one), a pattern over the whole catalogue name in
+lower case, the share of its pictures that are recoloured, and the weight of the noun in the training mixture:
+about the square root of how many models there are, since kinds of many shapes take longer to learn.
 """
 
 import re
@@ -20,23 +21,23 @@ class Noun(NamedTuple):
 
 NOUNS = (
     Noun(("chair",), r"((bar|cafe|children|folding|oak|osaka|plastic|teck|child|frame) )?chair"
-         r"( with cushion)?", weight=2.0),
-    Noun(("armchair",), r"((modern|rattan|winchester) )?armchair( ottoman)?|relax chair", weight=2.0),
+         r"( with cushion)?", weight=5.0),
+    Noun(("armchair",), r"((modern|rattan|winchester) )?armchair( ottoman)?|relax chair", weight=4.0),
     Noun(("sofa", "couch"), r"((burlap|clear|corner|rattan|winchester) )?sofa( [23] seats)?|(futon )?couch",
-         weight=1.6),
+         weight=4.0),
     Noun(("table",), r"((bar|cafe|oak|round|rattan|coffee|wooden|wooden alder|wooden teak|black|folding"
-         r"|technical) )?table|table on trestles", weight=1.8),
-    Noun(("desk",), r"(wooden )?desk( table)?", weight=0.8),
-    Noun(("bed",), r"((child|hospital|iron|captain's) )?bed", weight=1.2),
-    Noun(("bench",), r"((concrete|painted|piano|park) )?bench", weight=0.8),
-    Noun(("stool",), r"(bar )?stool|puff", weight=1.0),
+         r"|technical) )?table|table on trestles", weight=4.5),
+    Noun(("desk",), r"(wooden )?desk( table)?", weight=1.5),
+    Noun(("bed",), r"((child|hospital|iron|captain's) )?bed", weight=2.5),
+    Noun(("bench",), r"((concrete|painted|piano|park) )?bench", weight=1.2),
+    Noun(("stool",), r"(bar )?stool|puff", weight=1.8),
     Noun(("cabinet", "dresser"), r"((drawers|filing|high|glass door|sink) )?cabinet"
-         r"|dresser with drawers|chest", weight=0.8),
-    Noun(("bookcase", "bookshelf"), r"(full )?bookcase|(vertical )?shelves", weight=0.8),
-    Noun(("lamp",), r"((desk|little|pedestal vase|camping) )?lamp", weight=1.4),
+         r"|dresser with drawers|chest", weight=1.5),
+    Noun(("bookcase", "bookshelf"), r"(full )?bookcase|(vertical )?shelves", weight=1.5),
+    Noun(("lamp",), r"((desk|little|pedestal vase|camping) )?lamp", weight=2.5),
     Noun(("street lamp",), r"classic lamppost|street (lamp|light)|park light", weight=0.7),
     Noun(("car",), r"car model|concept sedan.*|ford focus|peugeot.*|chevrolet|seat leon|smart car"
-         r"|vw new beetle|suv|renault scenic", weight=1.8),
+         r"|vw new beetle|suv|renault scenic", weight=3.5),
     Noun(("truck",), r"truck", weight=0.8),
     Noun(("bus",), r"(city )?bus|van", weight=0.8),
     Noun(("piano",), r"(grand|upright) piano", weight=1.2),
@@ -47,15 +48,15 @@ NOUNS = (
     Noun(("rabbit",), r"rabbit", 0.15),
     Noun(("teddy bear",), r"teddy bear", 0.5),
     Noun(("plant", "potted plant"), r"(indoor |decorative |little |spider )?plant|ficus|yucca"
-         r"|spathiphyllum|orchids", 0.1, 1.2),
+         r"|spathiphyllum|orchids", 0.1, 2.0),
     Noun(("tree",), r"copper beech|poplar|sycamore maple|japanese maple|acacia|bonsai tree", 0.05, 0.8),
     Noun(("palm tree",), r"palm tree|(bended )?coconut tree", 0.05, 0.7),
     Noun(("pine tree", "christmas tree"), r"pine.*|christmas tree|cypress|blue pine under snow", 0.05, 0.8),
     Noun(("cactus",), r"cactus", 0.1, 0.8),
-    Noun(("bottle",), r"((beer|wine|spray|yogurt|baby) )?bottle", weight=1.0),
-    Noun(("vase",), r"vase|pottery|old jar", weight=1.0),
+    Noun(("bottle",), r"((beer|wine|spray|yogurt|baby) )?bottle", weight=1.5),
+    Noun(("vase",), r"vase|pottery|old jar", weight=1.5),
     Noun(("teapot",), r"teapot|espresso kettle", weight=0.8),
-    Noun(("mug", "cup"), r"cup|coffee (cup|mug)", weight=1.2),
+    Noun(("mug", "cup"), r"cup|coffee (cup|mug)", weight=1.5),
     Noun(("hamburger",), r"hamburger", 0.02, 0.8),
     Noun(("cake",), r"(birthday |cup )cake", 0.25, 0.8),
     Noun(("snowman",), r"snowman", 0.02, 0.8),

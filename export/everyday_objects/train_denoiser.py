@@ -9,6 +9,7 @@ last fifth of `--steps`: a longer training goes on from any state that was saved
 import argparse
 import json
 import os
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,13 @@ def load_pictures(work: Path) -> tuple[np.ndarray, list[dict]]:
     return np.concatenate([np.load(p) for p in paths]), rows
 
 
+def cumulative_shares(rows: list[dict]) -> np.ndarray:
+    """Cumulative probabilities (n,) of the pictures: nouns by their weights, whatever the shards hold."""
+    counts = Counter(row["noun"] for row in rows)
+    shares = np.cumsum([BY_WORD[row["noun"]].weight / counts[row["noun"]] for row in rows])
+    return shares / shares[-1]
+
+
 def draw_caption(rng: np.random.Generator, row: dict) -> str:
     """A fresh caption of a picture, or none for the unconditional branch."""
     if rng.random() < CAPTION_DROPOUT:
@@ -70,12 +78,13 @@ def train(work: Path, steps: int, batch: int = 64, rate: float = 6e-4) -> None:
             net.load_state_dict(saved[n])
         average, start = saved["average"], saved["step"]
         optimiser.load_state_dict(saved["optimiser"])
+    shares = cumulative_shares(rows)
     abar = alphas_cumprod()
     running = 0.0
     with Progress("denoiser", steps, "steps") as progress:
         for step in range(start, steps):
             rng = np.random.default_rng([11, step])
-            picks = rng.integers(len(latents), size=batch)
+            picks = np.searchsorted(shares, rng.random(batch), side="right")
             ids = np.stack([tokenizer.encode(draw_caption(rng, rows[i])) for i in picks])
             clean = torch.from_numpy(latents[picks].astype(np.float32))
             # One timestep in each of `batch` equal strata: the loss of a step varies less than with free

@@ -17,6 +17,7 @@ from export.everyday_objects.export_bundle import fit_latent_to_rgb
 from export.everyday_objects.nouns import NOUNS, noun_of
 from export.everyday_objects.render import Light, render
 from export.everyday_objects.text_encoder import MAX_TOKENS, WIDTH, TextEncoder
+from export.everyday_objects.train_denoiser import cumulative_shares
 from pipeline.scene.cameras import orbit_camera
 from pipeline.scene.rasterize import rasterize
 
@@ -121,3 +122,12 @@ def test_latent_to_rgb_recovers_a_linear_map():
     assert np.abs(found - matrix).max() < 0.01
     assert np.abs(offset - bias).max() < 0.01
     assert r2 > 0.999
+
+
+def test_nouns_are_drawn_by_their_weights_whatever_was_rendered():
+    rows = [{"noun": "chair"}] * 30 + [{"noun": "barrel"}] * 10
+    shares = np.diff(cumulative_shares(rows), prepend=0)
+    assert np.isclose(shares.sum(), 1)
+    assert np.isclose(
+        shares[:30].sum() / shares[30:].sum(), BY_WORD["chair"].weight / BY_WORD["barrel"].weight
+    )
