@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from pipeline.job import Job
 
-START = 3.0
+START = 1.5
 """Python, its libraries and, at first, compiled kernels [seconds a stage]."""
 BASE_MB = 450.0
 """Python with torch [MiB]."""
@@ -21,7 +21,7 @@ class Cost(NamedTuple):
 
 def estimate(stage: str, job: Job, latent_size: int, denoiser_megabytes: float) -> Cost:
     """Return what a stage costs; `denoiser_megabytes` is the size of the UNet's files: its pace."""
-    train, views = job.train_nerf, job.bake.view_resolution or latent_size
+    train, views = job.train_nerf, job.bake.view_resolution or max(latent_size, 64)
     side = train.resolution or latent_size
     samples = train.cameras_per_step * side**2 * train.samples_per_ray
     passes = train.cameras_per_step * (
@@ -32,14 +32,14 @@ def estimate(stage: str, job: Job, latent_size: int, denoiser_megabytes: float) 
     cells = job.extract.resolution**3
     frames = job.publish.turntable_frames * job.publish.turntable_size**2
     costs = {
-        "embed": Cost(1.0, 0.2 * BASE_MB),
-        "train_nerf": Cost(train.steps * (4.0e-7 * samples + 1.0e-4 * denoiser), 500 + 1.0e-3 * samples),
-        "extract": Cost(3e-6 * cells + 0.1 * job.extract.views, 100 + 5e-5 * cells),
-        "clean": Cost(2.0 + 1e-4 * faces, 300.0),
-        "unwrap": Cost(1.0 + 2e-4 * faces, 100 + 5e-3 * faces),
-        "bake": Cost(job.bake.views * (0.1 + 4e-5 * views**2), 200 + 1e-4 * texels),
-        "publish": Cost(2.0 + 4e-7 * frames, 200.0),
-        "report": Cost(0.5, 0.0),
+        "embed": Cost(0.2, 0.0),
+        "train_nerf": Cost(train.steps * (8.4e-8 * samples + 1.26e-4 * denoiser), 150 + 4e-4 * samples),
+        "extract": Cost(2e-7 * cells + 0.04 * job.extract.views, 50 + 2e-5 * cells),
+        "clean": Cost(0.7 + 7.5e-5 * faces, 0.0),
+        "unwrap": Cost(0.4 + 2e-4 * faces, 0.0),
+        "bake": Cost(job.bake.views * (0.02 + 1.8e-5 * views**2), 50 + 1e-4 * texels),
+        "publish": Cost(0.8 + 2e-7 * frames, 0.0),
+        "report": Cost(0.3, 0.0),
     }
     cost = costs[stage]
     return Cost(START + cost.seconds, BASE_MB + cost.memory_mb)
