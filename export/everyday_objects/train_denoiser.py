@@ -77,7 +77,8 @@ def train(work: Path, steps: int, batch: int = 64, rate: float = 6e-4) -> None:
         for n, net in networks.items():
             net.load_state_dict(saved[n])
         average, start = saved["average"], saved["step"]
-        optimiser.load_state_dict(saved["optimiser"])
+        if "optimiser" in saved:  # absent after `restore`
+            optimiser.load_state_dict(saved["optimiser"])
     shares = cumulative_shares(rows)
     abar = alphas_cumprod()
     running = 0.0

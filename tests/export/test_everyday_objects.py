@@ -16,8 +16,10 @@ from export.everyday_objects.denoiser import Denoiser
 from export.everyday_objects.export_bundle import fit_latent_to_rgb
 from export.everyday_objects.nouns import NOUNS, noun_of
 from export.everyday_objects.render import Light, render
+from export.everyday_objects.restore import constants, randomise, transfer
 from export.everyday_objects.text_encoder import MAX_TOKENS, WIDTH, TextEncoder
 from export.everyday_objects.train_denoiser import cumulative_shares
+from export.graph import export_graph
 from pipeline.scene.cameras import orbit_camera
 from pipeline.scene.rasterize import rasterize
 
@@ -131,3 +133,17 @@ def test_nouns_are_drawn_by_their_weights_whatever_was_rendered():
     assert np.isclose(
         shares[:30].sum() / shares[30:].sum(), BY_WORD["chair"].weight / BY_WORD["barrel"].weight
     )
+
+
+def test_weights_are_restored_from_a_graph(tmp_path):
+    torch.manual_seed(0)
+    networks = {name: TextEncoder(520, layers=1) for name in ("trained", "probe")}
+    for name, network in networks.items():
+        randomise(network)
+        ids = {"input_ids": torch.arange(2 * MAX_TOKENS).reshape(2, MAX_TOKENS)}
+        export_graph(network, ids, ["last_hidden_state"], tmp_path / name, half_weights=True)
+    transfer(networks["probe"], constants(tmp_path / "probe"), constants(tmp_path / "trained"))
+    for found, expected in zip(networks["probe"].parameters(), networks["trained"].parameters(), strict=True):
+        assert torch.equal(found, expected.half().float())
+    with pytest.raises(ValueError, match=r"architecture has changed"):
+        transfer(TextEncoder(520, layers=1), constants(tmp_path / "probe"), constants(tmp_path / "trained"))
