@@ -68,14 +68,13 @@ def restore_networks(folder: Path) -> Networks:
     torch.manual_seed(0)
     text_encoder = TextEncoder(load_tokenizer(folder / "tokenizer").engine.get_vocab_size())
     networks = (Encoder().eval(), Decoder().eval(), Denoiser().eval(), text_encoder.eval())
-    for network in networks:
-        randomise(network)
+    for fresh in networks:
+        randomise(fresh)
     fold_whitening(networks[0])
     with tempfile.TemporaryDirectory() as scratch:
         export_graphs(Path(scratch), networks)
-        for name, network in zip(
-            ("vae_encoder", "vae_decoder", "unet", "text_encoder"), networks, strict=True
-        ):
+        graphs = ("vae_encoder", "vae_decoder", "unet", "text_encoder")
+        for name, restored in zip(graphs, networks, strict=True):
             transfer(restored, constants(Path(scratch) / name), constants(folder / name))
     return networks
 
