@@ -37,14 +37,13 @@ def pictures() -> dict[str, np.ndarray]:
 
 
 def test_it_paints_the_colour_it_was_asked_for(pictures: dict[str, np.ndarray]) -> None:
-    """The same noise each time: where the words make a difference, each picture has its own colour most."""
-    stack = np.stack(list(pictures.values()))
-    changed = np.ptp(stack, axis=0).max(axis=-1) > 0.35
-    assert changed.mean() > 0.05
+    """The cap fills the middle; the plain background around it may have any colour."""
     for name, images in pictures.items():
-        words = name_colours(np.clip(images[changed], 0, 1))
+        middle = images[:, 40:76, 44:84].reshape(-1, 3)
+        words = name_colours(np.clip(middle, 0, 1))
         shares = {c: float((words == COLOURS.index(c)).mean()) for c in pictures}
         assert max(shares, key=lambda c: shares[c]) == name, shares
+        assert shares[name] > 0.4, shares
 
 
 def test_pictures_are_smooth_not_noise(pictures: dict[str, np.ndarray]) -> None:
