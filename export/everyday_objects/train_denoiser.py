@@ -56,6 +56,15 @@ def draw_caption(rng: np.random.Generator, row: dict) -> str:
     return caption(rng, BY_WORD[row["noun"]], row["look"], row["azimuth"], row["polar"])
 
 
+def draw_timesteps(rng: np.random.Generator, batch: int) -> np.ndarray:
+    """Draw (batch,) int64 timesteps, one in each of `batch` strata: less variance than free draws.
+
+    The lowest fifth, which score distillation never visits and sampling needs least, gets a tenth of them.
+    """
+    strata = (np.arange(batch) + rng.random(batch)) / batch
+    return np.interp(strata, [0, 0.1, 1], [0, 0.2 * TIMESTEPS, TIMESTEPS]).astype(np.int64)
+
+
 def train(work: Path, steps: int, batch: int = 64, rate: float = 6e-4) -> None:
     """Train to `steps` in all; the state is saved every 250."""
     torch.manual_seed(0)
@@ -88,11 +97,7 @@ def train(work: Path, steps: int, batch: int = 64, rate: float = 6e-4) -> None:
             picks = np.searchsorted(shares, rng.random(batch), side="right")
             ids = np.stack([tokenizer.encode(draw_caption(rng, rows[i])) for i in picks])
             clean = torch.from_numpy(latents[picks].astype(np.float32))
-            # One timestep in each of `batch` equal strata: the loss of a step varies less than with free
-            # draws.
-            t = torch.from_numpy(
-                ((np.arange(batch) + rng.random(batch)) * TIMESTEPS / batch).astype(np.int64)
-            )
+            t = torch.from_numpy(draw_timesteps(rng, batch))
             noise = torch.from_numpy(rng.standard_normal(clean.shape, np.float32))
             a = abar[t].view(-1, 1, 1, 1)
             noised, target = (
@@ -101,7 +106,7 @@ def train(work: Path, steps: int, batch: int = 64, rate: float = 6e-4) -> None:
             )
             fall = min(1.0, max(0.02, (steps - step) / (0.2 * steps)))
             for group in optimiser.param_groups:
-                group["lr"] = rate * min(1.0, (step + 1) / 300) * fall
+                group["lr"] = rate * min(1.0, (step + 1 - start) / 100) * fall
             with torch.autocast("cpu", torch.bfloat16):
                 text = text_encoder(torch.from_numpy(ids))
                 predicted = denoiser(noised.contiguous(memory_format=torch.channels_last), t, text)
