@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from export.everyday_objects import captions, procedural
+from export.everyday_objects import captions, furniture, procedural
 from export.everyday_objects.catalogue import Model, load_model, read_catalogue
 from export.everyday_objects.nouns import NOUNS, Noun, noun_of
 from export.everyday_objects.render import Light, render
@@ -25,7 +25,10 @@ IMAGE_SIZE = 128
 SHARD_SIZE = 8000
 # The cameras of the pipeline (bundle.json hands them on): radius [scene units], angles [deg].
 RADIUS_RANGE, FOV_RANGE = (2.3, 2.7), (37.0, 43.0)
-PROCEDURAL_SHARE = 0.4  # of the pictures of nouns that have both sources
+PROCEDURAL_SHARE = 0.65  # of the pictures of nouns that have both sources
+
+
+REPAINTED_SHARE = 0.4  # of the procedural furniture: in one colour throughout, or in wood
 
 
 class Source(NamedTuple):
@@ -128,6 +131,8 @@ def draw_sample(rng: np.random.Generator, source: Source, size: int = IMAGE_SIZE
     if maker and (not source.models or rng.random() < PROCEDURAL_SHARE):
         model = maker(rng)
         wood = np.zeros(len(model.colours), np.float32)
+        if word in furniture.MAKERS and rng.random() < REPAINTED_SHARE:
+            model, wood, look = recolour(rng, model)
     else:
         model = source.models[rng.integers(len(source.models))]
         wood = np.zeros(len(model.colours), np.float32)
@@ -138,7 +143,7 @@ def draw_sample(rng: np.random.Generator, source: Source, size: int = IMAGE_SIZE
     camera = orbit_camera(azimuth, polar, rng.uniform(*RADIUS_RANGE), np.radians(rng.uniform(*FOV_RANGE)))
     place = model.vertices * np.float32(rng.uniform(0.82, 1.08)) + rng.normal(0, 0.03, 3).astype(np.float32)
     towards = orbit_camera(rng.uniform(-1.2, 1.2), rng.uniform(0.3, 1.1), 1, 1).pose[:3, 2]
-    strength = rng.uniform(0, 0.45)
+    strength = rng.uniform(0.05, 0.5)
     light = Light(1.0 - strength, strength * rng.uniform(0.4, 0.9), strength * 0.5, towards)
     picture = render(
         model._replace(vertices=place), wood, camera, size, light, draw_background(rng, 2 * size)

@@ -1,97 +1,16 @@
 """Objects of our own, in endless variations, where the catalogue is thin: each function returns a random one.
 
-Built from surfaces of revolution, boxes and ellipsoids with one flat colour a part; y up, front to +z.
+Furniture, vehicles, creatures and what stands outdoors have modules of their own.
 """
 
 from collections.abc import Callable
 
 import numpy as np
 
-from export.everyday_objects.captions import COLOURS, draw_colour
-from export.everyday_objects.catalogue import Model, fit
-
-Vector = tuple[float, float, float] | np.ndarray
-Part = tuple[np.ndarray, np.ndarray, np.ndarray]  # vertices, faces, RGB
-
-
-def assemble(parts: list[Part]) -> Model:
-    """Join parts into one untextured model."""
-    starts = np.cumsum([0] + [len(p[0]) for p in parts])
-    vertices = fit(np.concatenate([p[0] for p in parts]))
-    return Model(
-        vertices,
-        np.concatenate([p[1] + s for p, s in zip(parts, starts, strict=False)]).astype(np.int32),
-        np.zeros((len(vertices), 2), np.float32),
-        np.repeat(np.arange(len(parts), dtype=np.int32), [len(p[1]) for p in parts]),
-        np.array([[*p[2], 1.0] for p in parts], np.float32),
-        np.zeros(len(parts), bool),
-        np.zeros((1, 1, 1, 4), np.uint8),
-        tuple(f"part{i}" for i in range(len(parts))),
-    )
-
-
-def grid_faces(rows: int, columns: int) -> np.ndarray:
-    """Triangles of a (rows, columns) vertex grid that closes around its columns."""
-    i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns), indexing="ij")
-    a, b = i * columns + j, i * columns + (j + 1) % columns
-    c, d = a + columns, b + columns
-    return np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([b, d, c], -1).reshape(-1, 3)])
-
-
-def lathe(
-    profile: list[tuple[float, float]], colour: np.ndarray, at: Vector = (0.0, 0.0, 0.0), sides: int = 40
-) -> Part:
-    """Turn a polyline of (radius, height) about the y axis."""
-    radius, height = np.asarray(profile, np.float64).T
-    angle = np.arange(sides) * 2 * np.pi / sides
-    x, z = np.outer(radius, np.sin(angle)), np.outer(radius, np.cos(angle))
-    y = np.repeat(height[:, None], sides, 1)
-    return np.stack([x, y, z], -1).reshape(-1, 3) + at, grid_faces(len(profile), sides), colour
-
-
-def ellipsoid(
-    radii: Vector, colour: np.ndarray, at: Vector = (0.0, 0.0, 0.0), top: float = 0.0, bottom: float = np.pi
-) -> Part:
-    """An ellipsoid (or the zone of it between two polar angles)."""
-    t = np.linspace(top, bottom, 24)
-    vertices, faces, _ = lathe(list(zip(np.sin(t), np.cos(t), strict=True)), colour)
-    return vertices * np.asarray(radii) + at, faces, colour
-
-
-def box(size: Vector, colour: np.ndarray, at: Vector = (0.0, 0.0, 0.0)) -> Part:
-    """An axis-parallel box, `at` its centre."""
-    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-    faces = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6],
-             [0, 2, 6], [0, 6, 4],
-             [1, 5, 7], [1, 7, 3]]  # fmt: skip
-    return corners * np.asarray(size) + at, np.array(faces), colour
-
-
-def torus(
-    major: float,
-    minor: float,
-    colour: np.ndarray,
-    arc: tuple[float, float] = (0.0, 2 * np.pi),
-    at: Vector = (0.0, 0.0, 0.0),
-    squash: float = 1.0,
-) -> Part:
-    """A ring about the y axis, or the arc of its tube between two angles of the tube."""
-    t = np.linspace(arc[0], arc[1], 28)
-    return lathe([(major + minor * np.cos(a), squash * minor * np.sin(a)) for a in t], colour, at, 56)
-
-
-def tilt(part: Part, axis: int, angle: float) -> Part:
-    """Turn a part about a coordinate axis through the origin."""
-    i, j = [k for k in range(3) if k != axis]
-    rotation = np.eye(3)
-    rotation[i, i] = rotation[j, j] = np.cos(angle)
-    rotation[i, j], rotation[j, i] = -np.sin(angle), np.sin(angle)
-    return part[0] @ rotation.T, part[1], part[2]
-
-
-def pick(rng: np.random.Generator, *names: str) -> np.ndarray:
-    """A random colour of one of these names."""
-    return draw_colour(rng, names[rng.integers(len(names))])
+from export.everyday_objects import creatures, furniture, outdoors, vehicles
+from export.everyday_objects.captions import COLOURS
+from export.everyday_objects.catalogue import Model
+from export.everyday_objects.shapes import Part, assemble, box, ellipsoid, lathe, pick, tilt, torus
 
 
 def mushroom(rng: np.random.Generator) -> Model:
@@ -251,6 +170,48 @@ def mug(rng: np.random.Generator) -> Model:
     return assemble(parts)
 
 
+def bottle(rng: np.random.Generator) -> Model:
+    """A body, shoulders, a neck, a stopper, often a label."""
+    colour, stopper = pick(rng, *COLOURS), pick(rng, *COLOURS)
+    r, h, neck = rng.uniform(0.14, 0.2), rng.uniform(0.4, 0.6), rng.uniform(0.045, 0.07)
+    rise = rng.uniform(0.08, 0.2)
+    parts = [
+        lathe(
+            [(0, 0), (r, 0), (r, h), (r * 0.8, h + rise * 0.5), (neck, h + rise), (neck, h + rise + 0.2)],
+            colour,
+        )
+    ]
+    parts.append(
+        lathe([(neck * 1.25, h + rise + 0.16), (neck * 1.25, h + rise + 0.24), (0, h + rise + 0.24)], stopper)
+    )
+    if rng.random() < 0.6:
+        parts.append(lathe([(r * 1.01, h * 0.3), (r * 1.01, h * 0.75)], pick(rng, "white", *COLOURS)))
+    return assemble(parts)
+
+
+def vase(rng: np.random.Generator) -> Model:
+    """A smooth random profile, open at the top."""
+    colour = pick(rng, *COLOURS)
+    knots = np.array(
+        [
+            rng.uniform(0.12, 0.2),
+            rng.uniform(0.22, 0.36),
+            rng.uniform(0.16, 0.3),
+            rng.uniform(0.07, 0.14),
+            rng.uniform(0.1, 0.2),
+        ]
+    )
+    t = np.linspace(0, 1, 25)
+    profile = np.interp(t, np.linspace(0, 1, 5), knots)
+    profile = np.convolve(np.pad(profile, 3, mode="edge"), np.ones(7) / 7, "valid")
+    outer = list(zip(profile, t * rng.uniform(0.7, 1.0), strict=True))
+    parts = [lathe([(0, 0), *outer, *((max(x - 0.025, 0.01), y) for x, y in outer[::-1]), (0, 0.04)], colour)]
+    if rng.random() < 0.3:
+        a = int(rng.integers(6, 14))
+        parts.append(lathe([(x + 0.006, y) for x, y in outer[a : a + 4]], pick(rng, *COLOURS)))
+    return assemble(parts)
+
+
 def ball(rng: np.random.Generator) -> Model:
     """A ball: plain, or with bands of two colours."""
     first, second = pick(rng, *COLOURS), pick(rng, *COLOURS)
@@ -285,6 +246,12 @@ def pumpkin(rng: np.random.Generator) -> Model:
 
 
 MAKERS: dict[str, Callable[[np.random.Generator], Model]] = {
+    **furniture.MAKERS,
+    **creatures.MAKERS,
+    **vehicles.MAKERS,
+    **outdoors.MAKERS,
+    "bottle": bottle,
+    "vase": vase,
     "mushroom": mushroom, "house": house, "rocket": rocket, "donut": donut, "duck": duck, "snowman": snowman,
     "mug": mug,
     "ball": ball, "ice cream": ice_cream, "pumpkin": pumpkin,

@@ -49,7 +49,7 @@ def train(work: Path, steps: int, batch: int = 16, rate: float = 1.5e-3) -> tupl
                 group["lr"] = (
                     rate * min(1.0, (step + 1) / 100) * (0.51 + 0.49 * math.cos(math.pi * step / steps))
                 )
-            with torch.autocast("cpu", torch.bfloat16):
+            with torch.autocast("cpu", torch.bfloat16, enabled=torch.cpu._is_avx512_bf16_supported()):
                 loss, mse = autoencoder_loss(encoder, decoder, images)
             optimiser.zero_grad()
             loss.backward()
