@@ -1,8 +1,9 @@
-"""Pictures and captions for training: random object, look, camera, light and background, in numbered shards.
+"""Pictures and captions: random object, look, camera, light and background, in numbered shards.
 
 `python -m export.everyday_objects.dataset WORK --shards 8` writes WORK/shards/NNN.npy (n, 128, 128, 3) uint8
-and NNN.json (captions and what each picture shows). A shard depends on its number alone; finished shards are
-kept.
+and NNN.json (captions and what each picture shows), besides WORK/held_out of objects kept from training and
+WORK/judge, other pictures of the training objects for the classifier that judges the model. A shard depends
+on its folder and number alone; finished shards are kept.
 """
 
 import argparse
@@ -22,7 +23,8 @@ from pipeline.scene.cameras import orbit_camera
 from pipeline.stage import Progress
 
 IMAGE_SIZE = 128
-SHARD_SIZE = 8000
+SHARD_SIZE, HELD_OUT_SIZE = 8000, 1000
+JUDGE_FIRST = 900  # shards from here on are never trained on by the model, only by its judge
 # The cameras of the pipeline (bundle.json hands them on): radius [scene units], angles [deg].
 RADIUS_RANGE, FOV_RANGE = (2.3, 2.7), (37.0, 43.0)
 PROCEDURAL_SHARE = 0.65  # of the pictures of nouns that have both sources
@@ -174,31 +176,29 @@ def _shard_part(arguments: tuple[int, int, int]) -> tuple[np.ndarray, list[dict]
     return images, rows
 
 
-def write_shards(work: Path, numbers: range, held_out: bool = False) -> None:
-    """Write the shards that are missing, of the training objects or of the held-out ones (folder
-    `held_out`).
-    """
-    folder = work / ("held_out" if held_out else "shards")
-    folder.mkdir(parents=True, exist_ok=True)
-    missing = [n for n in numbers if not (folder / f"{n:03d}.json").exists()]
+def write_shards(work: Path, folder: str, numbers: range, held_out: bool = False) -> None:
+    """Write the shards of a folder that are missing, of the training objects or of the held-out ones."""
+    place = work / folder
+    place.mkdir(parents=True, exist_ok=True)
+    missing = [n for n in numbers if not (place / f"{n:03d}.json").exists()]
     if not missing:
         return
     _sources[:] = load_sources(split_entries(work)[held_out])
     if held_out:
         _sources[:] = [s for s in _sources if s.models]
-    size = 1000 if held_out else SHARD_SIZE
+    size = HELD_OUT_SIZE if held_out else SHARD_SIZE
     parts = [(n, i, min(i + 100, size)) for n in missing for i in range(0, size, 100)]
     with (
         multiprocessing.get_context("fork").Pool(os.cpu_count()) as pool,
-        Progress("dataset", len(parts)) as progress,
+        Progress(f"dataset {folder}", len(parts)) as progress,
     ):
         done: list[tuple[np.ndarray, list[dict]]] = []
         for i, result in enumerate(pool.imap(_shard_part, parts)):
             done.append(result)
             progress.update(i + 1)
             if parts[i][2] == size:
-                np.save(folder / f"{parts[i][0]:03d}.npy", np.concatenate([d[0] for d in done]))
-                (folder / f"{parts[i][0]:03d}.json").write_text(json.dumps([r for d in done for r in d[1]]))
+                np.save(place / f"{parts[i][0]:03d}.npy", np.concatenate([d[0] for d in done]))
+                (place / f"{parts[i][0]:03d}.json").write_text(json.dumps([r for d in done for r in d[1]]))
                 done = []
 
 
@@ -208,8 +208,9 @@ def main() -> None:
     parser.add_argument("work", type=Path)
     parser.add_argument("--shards", type=int, default=8, help=f"training shards of {SHARD_SIZE} pictures")
     options = parser.parse_args()
-    write_shards(options.work, range(1), held_out=True)
-    write_shards(options.work, range(options.shards))
+    write_shards(options.work, "held_out", range(1), held_out=True)
+    write_shards(options.work, "judge", range(JUDGE_FIRST, JUDGE_FIRST + 2))
+    write_shards(options.work, "shards", range(options.shards))
 
 
 if __name__ == "__main__":

@@ -84,7 +84,12 @@ def bar(start: Vector, end: Vector, radius: float, colour: np.ndarray, taper: fl
 
 
 def frustum(
-    lower: Vector, upper: Vector, height: float, colour: np.ndarray, at: Vector, lean: float = 0.0
+    lower: tuple[float, float],
+    upper: tuple[float, float],
+    height: float,
+    colour: np.ndarray,
+    at: Vector,
+    lean: float = 0.0,
 ) -> Part:
     """A box whose top (width, depth) differs from its bottom, the top moved by `lean` along z; `at` the
     centre of its bottom.
