@@ -20,12 +20,15 @@ from export.everyday_objects.captions import caption
 from export.everyday_objects.denoiser import Denoiser
 from export.everyday_objects.nouns import NOUNS
 from export.everyday_objects.text_encoder import MAX_TOKENS, TextEncoder
+from pipeline.diffusion.prompts import view_table
 from pipeline.diffusion.tokenizer import load_tokenizer
 from pipeline.stage import Progress
 
 BETAS = (0.00085, 0.012)
 TIMESTEPS = 1000
 CAPTION_DROPOUT = 0.1
+VIEWS = view_table("eight")
+VIEW_SIZE, VIEW_WEIGHT = 2.0, 0.05
 # Several times faster where the processor multiplies bfloat16, ten times slower where it must be emulated.
 BFLOAT16 = torch.cpu._is_avx512_bf16_supported()
 BY_WORD = {n.words[0]: n for n in NOUNS}
@@ -49,6 +52,32 @@ def cumulative_shares(rows: list[dict]) -> np.ndarray:
     counts = Counter(row["noun"] for row in rows)
     shares = np.cumsum([BY_WORD[row["noun"]].weight / counts[row["noun"]] for row in rows])
     return shares / shares[-1]
+
+
+def view_harmonics(text: str) -> np.ndarray:
+    """What the view words of a caption say, (5,): sine and cosine of the azimuth and of twice it, and 1 for
+    overhead; zeros without view words.
+    """
+    view = text.rpartition(", ")[2]
+    if view not in VIEWS:
+        return np.zeros(5, np.float32)
+    azimuth = 2 * np.pi * (VIEWS.index(view) % 8) / 8
+    turns = np.array([1, 2]) * azimuth
+    return np.array([*np.sin(turns), *np.cos(turns), VIEWS.index(view) >= 8], np.float32)
+
+
+def view_loss(text: torch.Tensor, captions: list[str]) -> torch.Tensor:
+    """Mean squared distance of what the mean embedding of (b, l, d) says of the view from what the captions
+    say.
+
+    Read through fixed directions, so that the words must move the embedding and not a reader's weights.
+    Without this the text encoder settled on kinds and colours alone: after 8,000 steps "front view" and "back
+    view" gave the same embedding, and the denoiser was never told which side it saw.
+    """
+    generator = torch.Generator().manual_seed(3)
+    directions, _ = torch.linalg.qr(torch.randn(text.shape[-1], 5, generator=generator))
+    wanted = torch.from_numpy(np.stack([view_harmonics(c) for c in captions]))
+    return (text.float().mean(dim=1) @ directions / VIEW_SIZE - wanted).square().mean()
 
 
 def draw_caption(rng: np.random.Generator, row: dict) -> str:
@@ -97,7 +126,8 @@ def train(work: Path, steps: int, batch: int = 64, rate: float = 6e-4) -> None:
         for step in range(start, steps):
             rng = np.random.default_rng([11, step])
             picks = np.searchsorted(shares, rng.random(batch), side="right")
-            ids = np.stack([tokenizer.encode(draw_caption(rng, rows[i])) for i in picks])
+            captions = [draw_caption(rng, rows[i]) for i in picks]
+            ids = np.stack([tokenizer.encode(c) for c in captions])
             clean = torch.from_numpy(latents[picks].astype(np.float32))
             t = torch.from_numpy(draw_timesteps(rng, batch))
             noise = torch.from_numpy(rng.standard_normal(clean.shape, np.float32))
@@ -114,10 +144,10 @@ def train(work: Path, steps: int, batch: int = 64, rate: float = 6e-4) -> None:
                 predicted = denoiser(noised.contiguous(memory_format=torch.channels_last), t, text)
             loss = (predicted.float() - target).square().mean()
             optimiser.zero_grad()
-            loss.backward()
+            (loss + VIEW_WEIGHT * view_loss(text, captions)).backward()
             torch.nn.utils.clip_grad_norm_(parameters, 1.0)
             optimiser.step()
-            decay = min(0.9985, (step + 1) / (step + 20))
+            decay = min(0.9985, (step + 1 - start) / (step + 20 - start))
             for n, net in networks.items():
                 for k, v in net.state_dict().items():
                     average[f"{n}.{k}"].lerp_(v, 1 - decay)

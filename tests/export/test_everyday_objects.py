@@ -18,8 +18,15 @@ from export.everyday_objects.nouns import NOUNS, noun_of
 from export.everyday_objects.render import Light, render
 from export.everyday_objects.restore import constants, randomise, transfer
 from export.everyday_objects.text_encoder import MAX_TOKENS, WIDTH, TextEncoder
-from export.everyday_objects.train_denoiser import cumulative_shares
+from export.everyday_objects.train_denoiser import (
+    TIMESTEPS,
+    cumulative_shares,
+    draw_timesteps,
+    view_harmonics,
+    view_loss,
+)
 from export.graph import export_graph
+from pipeline.diffusion.prompts import view_table
 from pipeline.scene.cameras import orbit_camera
 from pipeline.scene.rasterize import rasterize
 
@@ -147,3 +154,36 @@ def test_weights_are_restored_from_a_graph(tmp_path):
         assert torch.equal(found, expected.half().float())
     with pytest.raises(ValueError, match=r"architecture has changed"):
         transfer(TextEncoder(520, layers=1), constants(tmp_path / "probe"), constants(tmp_path / "trained"))
+
+
+def test_view_words_have_directions_of_their_own():
+    front, back = view_harmonics("a red chair, front view"), view_harmonics("a red chair, back view")
+    assert np.allclose(front, [0, 0, 1, 1, 0])
+    assert np.allclose(back, [0, 0, -1, 1, 0], atol=1e-6)
+    assert view_harmonics("a red chair, overhead left side view")[4] == 1
+    assert not view_harmonics("a red chair").any()
+    assert not view_harmonics("").any()
+
+
+def test_text_encoder_learns_what_view_words_say():
+    torch.manual_seed(0)
+    encoder = TextEncoder(40, layers=1)
+    texts = [f"a chair, {view}" for view in view_table("eight")] + ["a chair"]
+    ids = torch.arange(len(texts))[:, None].repeat(1, MAX_TOKENS)
+    optimiser = torch.optim.Adam(encoder.parameters(), 3e-3)
+    losses = []
+    for _ in range(60):
+        loss = view_loss(encoder(ids), texts)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        losses.append(loss.item())
+    assert losses[-1] < 0.02 * losses[0]
+
+
+def test_timesteps_favour_what_distillation_visits():
+    drawn = np.concatenate([draw_timesteps(np.random.default_rng(i), 64) for i in range(200)])
+    assert drawn.min() >= 0
+    assert drawn.max() < TIMESTEPS
+    assert (drawn < 0.2 * TIMESTEPS).mean() == pytest.approx(0.1, abs=0.01)
+    assert (drawn >= 0.6 * TIMESTEPS).mean() == pytest.approx(0.45, abs=0.01)
