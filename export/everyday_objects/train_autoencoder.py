@@ -2,7 +2,7 @@
 WORK/latents/NNN.npy.
 
 `python -m export.everyday_objects.train_autoencoder WORK --steps 6000`; resumes from
-WORK/autoencoder.state.pt.
+WORK/autoencoder.state.pt. An autoencoder that `restore` took from the bundle is kept and only encodes.
 """
 
 import argparse
@@ -96,11 +96,17 @@ def main() -> None:
     parser.add_argument("work", type=Path)
     parser.add_argument("--steps", type=int, default=6000)
     options = parser.parse_args()
-    encoder, decoder = train(options.work, options.steps)
+    finished, state = options.work / "autoencoder.pt", options.work / "autoencoder.state.pt"
+    if finished.exists() and not state.exists():  # as `restore` leaves it: nothing to train on from
+        saved = torch.load(finished, weights_only=True)
+        encoder, decoder = Encoder(), Decoder()
+        encoder.load_state_dict(saved["encoder"])
+        decoder.load_state_dict(saved["decoder"])
+        encoder, decoder = encoder.eval(), decoder.eval()
+    else:
+        encoder, decoder = train(options.work, options.steps)
+        torch.save({"encoder": encoder.state_dict(), "decoder": decoder.state_dict()}, finished)
     print(f"held-out objects: {held_out_psnr(encoder, decoder, options.work):.2f} dB")
-    torch.save(
-        {"encoder": encoder.state_dict(), "decoder": decoder.state_dict()}, options.work / "autoencoder.pt"
-    )
     encode_shards(encoder, options.work)
 
 
