@@ -28,7 +28,7 @@ BETAS = (0.00085, 0.012)
 TIMESTEPS = 1000
 CAPTION_DROPOUT = 0.1
 VIEWS = view_table("eight")
-VIEW_SIZE, VIEW_WEIGHT = 2.0, 0.05
+VIEW_SIZE, VIEW_WEIGHT = 6.0, 0.05
 # Several times faster where the processor multiplies bfloat16, ten times slower where it must be emulated.
 BFLOAT16 = torch.cpu._is_avx512_bf16_supported()
 BY_WORD = {n.words[0]: n for n in NOUNS}
