@@ -1,0 +1,181 @@
+"""What people and fuzzers give as a mesh: read as it is, or refused in one line."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from pipeline.errors import InputError
+from pipeline.scene.mesh_files import buffer_files
+from pipeline.scene.mesh_input import InputMesh, read_mesh
+
+TWO_PARTS = """
+# two squares
+o left
+v 0 0 0
+v 1 0 0
+v 1 1 0
+v 0 1 0
+vt 0 0
+vt 1 0
+vt 1 1
+vt 0 1
+f 1/1 2/2 3/3 4/4
+o right one
+v 2.000000001 0 0
+v 3 0 0
+v 3 1 0
+f -3/1/1 -2/2/1 -1/3/1
+"""
+
+
+def save(folder: Path, name: str, text: str | bytes) -> Path:
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def surface(mesh: InputMesh) -> np.ndarray:
+    """Return the corners of all triangles, sorted: equal for equal surfaces however they are indexed."""
+    corners = mesh.vertices[mesh.faces].reshape(-1, 9)
+    return corners[np.lexsort(corners.T)]
+
+
+def test_obj_keeps_precision_parts_polygons_and_texture_points(tmp_path: Path) -> None:
+    mesh = read_mesh(save(tmp_path, "a.obj", TWO_PARTS))
+    assert mesh.names == ("left", "right one")
+    assert mesh.part.tolist() == [0, 0, 1]
+    assert mesh.vertices[4, 0] == 2.000000001
+    assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [4, 5, 6]]
+    assert mesh.uv is not None
+    assert mesh.uv_faces is not None
+    assert mesh.uv[mesh.uv_faces[2]].tolist() == [[0, 1], [1, 1], [1, 0]]  # from the bottom to the top
+
+
+def test_obj_with_some_corners_untextured_has_no_texture_points(tmp_path: Path) -> None:
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\nf 1 2 3\n"
+    mesh = read_mesh(save(tmp_path, "plain.obj", text))
+    assert mesh.uv is None
+    assert mesh.names == ("plain",)
+
+
+@pytest.mark.parametrize("kind", ["ply", "stl", "off", "glb", "gltf"])
+def test_every_format_gives_the_same_surface(tmp_path: Path, kind: str) -> None:
+    box = trimesh.creation.box((1, 2, 3))
+    scene = trimesh.Scene({"box": box})
+    written = scene.export(file_type=kind) if kind in ("glb", "gltf") else box.export(file_type=kind)
+    if isinstance(written, dict):
+        for name, data in written.items():
+            (tmp_path / name).write_bytes(data)
+        path = (tmp_path / "model.gltf").rename(tmp_path / "box.gltf")
+        assert {file.suffix for file in buffer_files(path)} == {".bin"}
+    else:
+        path = save(tmp_path, f"box.{kind}", written)
+    mesh = read_mesh(path)
+    assert len(mesh.vertices) == 8  # STL's 36 corners are welded
+    expected = box.triangles.reshape(-1, 9)
+    if kind == "stl":  # a corner may come first that did not before
+        return
+    np.testing.assert_allclose(surface(mesh), expected[np.lexsort(expected.T)], atol=1e-6)
+
+
+def test_gltf_instances_are_parts_in_their_places(tmp_path: Path) -> None:
+    scene = trimesh.Scene()
+    box = trimesh.creation.box()
+    scene.add_geometry(box, node_name="here", geom_name="box")
+    mirrored = np.diag([-1.0, 1, 1, 1])
+    mirrored[0, 3] = 5
+    scene.add_geometry(box, node_name="there", geom_name="box", transform=mirrored)
+    mesh = read_mesh(save(tmp_path, "two.glb", scene.export(file_type="glb")))
+    assert sorted(mesh.names) == ["here", "there"]
+    for row, name in enumerate(mesh.names):
+        faces = mesh.faces[mesh.part == row]
+        part = trimesh.Trimesh(mesh.vertices, faces, process=False)
+        part.remove_unreferenced_vertices()
+        assert part.centroid[0] == pytest.approx(5 if name == "there" else 0)
+        assert part.volume == pytest.approx(1)  # outwards, mirrored too
+
+
+FAULTS = {
+    "missing.obj": None,
+    "a.fbx": "x",
+    "empty.obj": "",
+    "points.obj": "v 0 0 0\nv 1 0 0\n",
+    "nan.obj": "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+    "infinite.obj": "v 1e999 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+    "range.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n",
+    "zero.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n",
+    "back.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -4\n",
+    "huge.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 99999999999999999999999\n",
+    "words.obj": "v a b c\n",
+    "short.obj": "v 1 2\nv 1 2 3\nf 1 2 2\n",
+    "texture.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/2\n",
+    "dot.obj": "v 0 0 0\nf 1 1 1\n",
+    "wide.obj": "v 1e200 0 0\nv -1e200 0 0\nv 0 1 0\nf 1 2 3\n",
+    "binary.obj": bytes(range(256)),
+    "not.ply": "hello",
+    "many.ply": "ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nend_header\n",
+    "cut.ply": "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+    "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\0\0",
+    "empty.stl": "",
+    "cut.stl": b"\0" * 80 + b"\xff\xff\xff\xff" + b"\0" * 50,
+    "bad.off": "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n",
+    "bad.glb": b"glTF\2\0\0\0",
+    "page.gltf": "<html>",
+    "list.gltf": "[]",
+    "deep.gltf": "[" * 100_000,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_faults_are_said_in_one_line(tmp_path: Path, name: str) -> None:
+    content = FAULTS[name]
+    path = tmp_path / name if content is None else save(tmp_path, name, content)
+    with pytest.raises(InputError) as caught:
+        read_mesh(path)
+    assert name in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def gltf(**changes: object) -> str:
+    document = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"componentType": 5126, "count": 3, "type": "VEC3"}],
+    }
+    return json.dumps({**document, **changes})
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"accessors": [{"componentType": 5126, "count": 300_000_000, "type": "VEC3"}]}, "claims"),
+        ({"nodes": [{"mesh": 0, "children": [1]}, {"children": [0]}]}, "cycle"),
+        ({"nodes": [{"mesh": 0, "children": [0]}]}, "cycle"),
+        ({"nodes": [{"mesh": 0, "children": [7]}]}, "tree"),
+        ({"buffers": [{"uri": "../secret.bin", "byteLength": 4}]}, "outside"),
+        ({"buffers": [{"uri": "/etc/passwd", "byteLength": 4}]}, "outside"),
+        ({"buffers": [{"uri": "gone.bin", "byteLength": 4}]}, "missing"),
+        ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "draco"),
+        ({"accessors": "no"}, "not valid"),
+        ({"nodes": [{}], "meshes": []}, "no faces"),
+    ],
+)  # fmt: skip
+def test_hostile_gltf(tmp_path: Path, changes: dict[str, object], word: str) -> None:
+    with pytest.raises(InputError, match=word):
+        read_mesh(save(tmp_path, "a.gltf", gltf(**changes)))
+
+
+def test_indices_out_of_range_in_gltf_are_refused(tmp_path: Path) -> None:
+    box = trimesh.creation.box()
+    written = bytearray(trimesh.Scene(box).export(file_type="glb"))
+    indices = box.faces.astype("<u4").tobytes()
+    at = bytes(written).index(indices)
+    written[at : at + 4] = (10**6).to_bytes(4, "little")
+    with pytest.raises(InputError, match="indices"):
+        read_mesh(save(tmp_path, "a.glb", bytes(written)))
