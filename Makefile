@@ -2,13 +2,13 @@
 #
 # What a user writes is never executed: each variable below is taken as it stands (value), never expanded, and
 # reaches Python through the environment, so neither make nor the shell nor Snakemake reads it.
-USER_VARIABLES := PROMPT NEGATIVE MODEL SEED QUALITY JOB OUT THREADS PROFILE RUN SKETCH SIGMA_S MESH REFINE TOKEN
+USER_VARIABLES := PROMPT NEGATIVE MODEL SEED QUALITY JOB OUT THREADS PROFILE RUN SKETCH SIGMA_S MESH PARAM REFINE TOKEN ONLY
 $(foreach name,$(USER_VARIABLES),$(eval override $(name) := $$(value $(name))))
 export $(USER_VARIABLES)
 
 MAKEFLAGS += --no-print-directory
 .DEFAULT_GOAL := help
-.PHONY: help options run plan verify test clean-venv
+.PHONY: help options run plan verify bench test clean-venv
 
 PYTHON ?= python3
 IN_VENV := .venv/bin/python
@@ -27,6 +27,9 @@ verify: .venv/.runtime
 
 options: .venv/.runtime
 	@$(IN_VENV) -m pipeline options
+
+bench: .venv/.dev
+	@$(IN_VENV) -m benchmarks
 
 test: .venv/.dev
 	$(IN_VENV) -m ruff check .
