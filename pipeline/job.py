@@ -68,6 +68,9 @@ class TrainNerf:
     shape_sigma: float = option(
         0.3, "SIGMA_S: how far from the sketch's surface the shape is free [scene units]", 0.01, 10
     )
+    shape_start: int = option(
+        100, "steps that grow the sketch before the first view; 0: start from nothing", 0, 10_000
+    )
     background: Literal["random", "learned"] = option(
         "random", "a random flat colour each view, or a learned one"
     )

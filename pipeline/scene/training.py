@@ -25,6 +25,7 @@ from pipeline.scene.rendering import behind, make_rays, render_rays
 from pipeline.scene.scene import Scene, density
 from pipeline.scene.shape_loss import shape_loss
 from pipeline.scene.sketch import Sketch, solid_cells
+from pipeline.scene.sketch_start import grow
 
 _ENTROPY_CLAMP = 1e-5
 _PROBES = 2048
@@ -81,18 +82,18 @@ class Figures(NamedTuple):
 
 
 def initial_state(
-    options: TrainNerf, backgrounds: Float[np.ndarray, "k 4"], seed: int, *, sketched: bool = False
+    options: TrainNerf, backgrounds: Float[np.ndarray, "k 4"], seed: int, sketch: Sketch | None = None
 ) -> State:
     """Return the state before the first step. `backgrounds` are the flat latents that views are drawn on.
 
-    A `sketched` scene starts without the blob at the centre, which would hide the sketch behind it.
+    With a sketch the scene starts as that, instead of as the blob at the centre, which would hide it.
     """
     rng = np.random.default_rng(seed)
     shape = FieldShape(
         levels=options.grid_levels,
         finest=options.grid_finest,
         table_log2=options.grid_table_log2,
-        blob_density=0.0 if sketched else options.blob_density,
+        blob_density=options.blob_density if sketch is None else 0.0,
         blob_radius=options.blob_radius,
         density_bias=options.density_bias,
     )
@@ -100,7 +101,10 @@ def initial_state(
     learned = options.background == "learned"
     background = LearnedBackground(rng) if learned else FlatBackground(backgrounds)
     scene = Scene(field, occupancy.everywhere(), background, options.samples_per_ray)
-    return State(scene, make_optimizer(scene, options), rng)
+    state = State(scene, make_optimizer(scene, options), rng)
+    if sketch is not None:
+        grow(field, state.optimizer, sketch, rng, options.shape_start)
+    return state
 
 
 def make_optimizer(scene: Scene, options: TrainNerf) -> torch.optim.Adam:

@@ -167,7 +167,7 @@ def main(context: Context) -> None:
             # Standard normal latents: what a denoiser takes for plausible, though of no known colour.
             backgrounds = np.random.default_rng(0).standard_normal((64, 4), np.float32)
             backgrounds[0] = 0
-        state = initial_state(options, backgrounds, context.job.seed, sketched=sketch is not None)
+        state = initial_state(options, backgrounds, context.job.seed, sketch)
         say(f"train_nerf: a preview will appear at {context.scratch / PREVIEW}")
     warnings += [f"{name} was damaged: trained again from step {state.step}" for name in damaged]
     resumed_at = state.step
