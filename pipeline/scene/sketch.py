@@ -46,8 +46,8 @@ def look_up(
     beyond it.
 
     A point nearer to the surface than `least` [scene units] costs one lookup less and counts as outside.
-    Right for a resolved surface (tests compare with exact values): `inside` beyond one cell from it,
-    distances to half a cell.
+    Compared with exact values, `inside` is right beyond one cell from the surface, and distances to half a
+    cell, at the very middle of a ball to 0.87 of one.
     """
     inside, distance = np.empty(len(points), np.bool_), np.empty(len(points), np.float32)
     results = (sketch.winding, sketch.distance, np.float32(least), inside, distance)

@@ -31,9 +31,7 @@ def grow(
         optimizer.step()
 
 
-def draw_points(
-    inside: np.ndarray, cell: float, rng: np.random.Generator
-) -> Float[np.ndarray, "n 3"]:
+def draw_points(inside: np.ndarray, cell: float, rng: np.random.Generator) -> Float[np.ndarray, "n 3"]:
     """Return half of the points uniform in the box and half near lattice points `inside` (m, 3), float32."""
     anywhere = rng.uniform(-1, 1, (_POINTS // 2, 3))
     chosen = inside[rng.integers(len(inside), size=_POINTS - len(anywhere))]
