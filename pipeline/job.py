@@ -2,8 +2,8 @@
 
 A job is resolved from, in rising order of precedence: the defaults below (the paper's values where it gives
 them), the quality table, the ``distillation`` section of the model's bundle.json, the YAML file named by
-JOB, and the environment variables PROMPT, NEGATIVE, MODEL, SEED, QUALITY, SKETCH, SIGMA_S. The resolved job is complete: it
-is what a run's job.yaml holds, and its hash names the run's folder.
+JOB, and the environment variables PROMPT, NEGATIVE, MODEL, SEED, QUALITY, SKETCH, SIGMA_S. The resolved
+job is complete: it is what a run's job.yaml holds, and its hash names the run's folder.
 
 This module is imported before anything runs, so it imports nothing heavy.
 """

@@ -52,8 +52,8 @@ def read_silhouette(path: Path) -> Bool[np.ndarray, "h w"]:
     mask = _foreground(pixels)
     if not mask.any() or mask.all():
         raise InputError(
-            f"{path} shows no silhouette ({'one colour' if mask.all() else 'nothing'} everywhere): draw the object "
-            "dark on a light background, or on a transparent one"
+            f"{path} shows no silhouette ({'one colour' if mask.all() else 'nothing'} everywhere): "
+            "draw the object dark on a light background, or on a transparent one"
         )
     return mask
 

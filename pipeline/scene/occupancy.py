@@ -48,8 +48,8 @@ def refresh(
 
     A cell is dropped when its density is below the mean of all cells and a sample of length `step` [scene
     units] there would hide less than 1 % (the paper's code: below the mean and 10, which at its step hides
-    3 %). The mean keeps the densest cells of a nearly empty scene, so that it can recover. Cells of `kept` are
-    occupied whatever their density.
+    3 %). The mean keeps the densest cells of a nearly empty scene, so that it can recover. Cells of `kept`
+    are occupied whatever their density.
     """
     chosen = occupancy.occupied | (rng.random(occupancy.occupied.shape, np.float32) < _REVISITED)
     density = occupancy.density.copy()

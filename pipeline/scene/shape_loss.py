@@ -4,8 +4,8 @@ surface.
     loss = mean over samples of  CE(alpha, inside) * (1 - exp(-d^2 / (2 sigma^2)))
 
 over the n points that the renderer evaluated; alpha = 1 - exp(-LENGTH * density), and d is the distance of a
-point from the sketch's surface. CE(alpha, inside) is -log(alpha) inside and -log(1 - alpha) = LENGTH * density
-outside, so that no clamp is needed where alpha is near 0 or 1.
+point from the sketch's surface. CE(alpha, inside) is -log(alpha) inside and outside it is
+-log(1 - alpha) = LENGTH * density, so that no clamp is needed where alpha is near 0 or 1.
 """
 
 import math

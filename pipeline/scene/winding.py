@@ -83,8 +83,8 @@ def tabulate(
     winding = winding_numbers(vertices, faces, points).astype(np.float32)
     if not (winding > 0.5).any():
         raise InputError(
-            f"{source}: the mesh encloses no space of {2 / cells:.3g} or more of the box's width 2; give a solid "
-            "(parts may overlap and have small holes), or raise sketch_field.cells"
+            f"{source}: the mesh encloses no space as wide as a cell ({2 / cells:.3g} of the box's 2); "
+            "give a solid (parts may overlap and have small holes), or raise sketch_field.cells"
         )
     return Sketch(
         winding.reshape(shape), distances(vertices, faces, points).astype(np.float32).reshape(shape)

@@ -55,8 +55,8 @@ def main(context: Context) -> None:
     warnings = context.metrics.setdefault("warnings", [])
     if inside < _THIN:
         warnings.append(
-            f"the sketch fills only {100 * inside:.2f} % of the scene: check that its surface is closed, and that "
-            "no stray part makes it small"
+            f"the sketch fills only {100 * inside:.2f} % of the scene: check that its surface is closed, "
+            "and that no stray part makes it small"
         )
     context.metrics.update(
         vertices=len(vertices),

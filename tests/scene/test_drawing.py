@@ -34,8 +34,8 @@ def volume(mesh: Mesh) -> float:
 
 @pytest.mark.parametrize(
     ("mode", "background", "ink"),
-    [("RGB", "white", "black"), ("RGB", (250, 240, 200), (200, 60, 60)), ("RGBA", (9, 9, 9, 0), (9, 9, 9, 255)),
-     ("L", 255, 0), ("L", 0, 255), ("1", 1, 0)],
+    [("RGB", "white", "black"), ("RGB", (250, 240, 200), (200, 60, 60)),
+     ("RGBA", (9, 9, 9, 0), (9, 9, 9, 255)), ("L", 255, 0), ("L", 0, 255), ("1", 1, 0)],
 )  # fmt: skip
 def test_the_object_is_opaque_or_differs_from_the_border(
     tmp_path: Path, mode: str, background: object, ink: object
@@ -103,12 +103,10 @@ def test_what_is_no_drawing_is_one_line(tmp_path: Path, name: str, content: byte
 
 def test_a_tall_svg_takes_no_more_memory_than_a_square_one(tmp_path: Path) -> None:
     (tmp_path / "tall.svg").write_text(
-        '<svg xmlns="http://www.w3.org/2000/svg" width="1" height="1000000"><rect y="9" width="1" height="9"/></svg>'
+        '<svg xmlns="http://www.w3.org/2000/svg" width="9" height="900000">'
+        '<rect width="9" height="99999"/></svg>'
     )
-    try:
-        assert read_silhouette(tmp_path / "tall.svg").size <= 512 * 512
-    except InputError as error:
-        assert "no silhouette" in str(error)
+    assert read_silhouette(tmp_path / "tall.svg").size <= 512 * 512
 
 
 def test_specks_are_no_object() -> None:
