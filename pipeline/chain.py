@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from pipeline.job import Job, bundle_folder
+
 SNAKEFILE = Path(__file__).with_name("Snakefile")
 
 
@@ -15,18 +17,22 @@ class Link:
     outputs: dict[str, str]
 
 
-def snakemake_config(run: Path, bundle: Path, threads: int = 1) -> dict[str, str | int]:
-    """Return what the Snakefile is told: the run (it need not exist yet), its bundle, threads a stage."""
-    return {"run": str(run.resolve()), "bundle": str(bundle.resolve()), "threads": threads}
+def snakemake_config(job: Job, run: Path, threads: int = 1) -> dict[str, str | int]:
+    """Return what the Snakefile is told: the run (it need not exist yet), its bundle, the user's files,
+    threads a stage.
+    """
+    files = {"sketch": str(Path(job.sketch).resolve())} if job.sketch else {}
+    bundle = bundle_folder(job.model).resolve()
+    return {"run": str(run.resolve()), "bundle": str(bundle), "threads": threads, **files}
 
 
-def read_chain(run: Path, bundle: Path) -> list[Link]:
-    """Return the stages of a run, each after those it depends on."""
+def read_chain(job: Job, run: Path) -> list[Link]:
+    """Return the stages of a job's run, each after those it depends on."""
     # Snakemake takes a second to import: only who asks for the chain pays.
     from snakemake.api import ConfigSettings, OutputSettings, ResourceSettings, SnakemakeApi
 
     with SnakemakeApi(OutputSettings(dryrun=True)) as api:
-        config = ConfigSettings(config=snakemake_config(run, bundle))
+        config = ConfigSettings(config=snakemake_config(job, run))
         rules = api.workflow(ResourceSettings(), config, snakefile=SNAKEFILE)._workflow.rules
         links = []
         for rule in rules:

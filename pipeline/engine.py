@@ -46,7 +46,7 @@ def plan_run(job: Job, out: Path) -> list[tuple[Step, Cost]]:
     """
     run, folder = out / jobs.run_name(job), jobs.bundle_folder(job.model)
     bundle = open_bundle(folder)
-    return _priced(job, bundle, make_plan(job, run, read_chain(run, folder)))
+    return _priced(job, bundle, make_plan(job, run, read_chain(job, run)))
 
 
 def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
@@ -61,7 +61,7 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
     open_bundle(folder, verify=not run.exists())  # before anything is written
     with _user_view_of_os_errors(), _locked(run) as lock:
         _point_latest(run)
-        steps = make_plan(job, run, read_chain(run, folder))
+        steps = make_plan(job, run, read_chain(job, run))
         if all(step.verdict == "unchanged" for step in steps):
             say(f"nothing to do: every file of {run} is as it was made")
             return run
@@ -70,7 +70,7 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
         for reason in (run / "stages").glob("*.error"):
             reason.unlink()
         stale = [step.stage for step in steps if step.verdict != "unchanged"]
-        if _snakemake(run, folder, stale, threads, _profile(profile), lock):
+        if _snakemake(job, run, stale, threads, _profile(profile), lock):
             raise _failure(run)
         missing = [name for name in RESULTS if not (run / name).is_file()]
         if missing:
@@ -122,9 +122,9 @@ def _check_room(run: Path, priced: list[tuple[Step, Cost]]) -> None:
         )
 
 
-def _snakemake(run: Path, bundle: Path, stages: list[str], threads: int, profile: Path, lock: int) -> int:
+def _snakemake(job: Job, run: Path, stages: list[str], threads: int, profile: Path, lock: int) -> int:
     """Have Snakemake run the stages named and those after them; return its exit status."""
-    config = [f"{name}={value}" for name, value in snakemake_config(run, bundle, threads).items()]
+    config = [f"{name}={value}" for name, value in snakemake_config(job, run, threads).items()]
     here = read_yaml(profile / "config.yaml").get("executor", "local") == "local"
     command = [
         sys.executable,

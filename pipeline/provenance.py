@@ -22,6 +22,9 @@ ROOT = Path(__file__).resolve().parents[1]
 DISTRIBUTIONS = {
     "cv2": "opencv-contrib-python-headless",
     "PIL": "pillow",
+    "igl": "libigl",
+    "mapbox_earcut": "mapbox-earcut",
+    "resvg_py": "resvg-py",
     "skimage": "scikit-image",
     "yaml": "pyyaml",
 }

@@ -55,6 +55,19 @@ def test_each_layer_wins_over_the_one_below(models: Path) -> None:
     assert said.clean == jobs.Clean(**jobs.QUALITY["high"]["clean"])
 
 
+def test_a_sketch_and_its_sigma_win_over_the_file(models: Path) -> None:
+    house = write(
+        models, "prompt: x\nmodel: plain\nsketch: nowhere.obj\ntrain_nerf: {shape_sigma: 1.0, steps: 9}\n"
+    )
+    job = resolve({"JOB": house, "SKETCH": house, "SIGMA_S": "0.05"}, models)
+    assert (job.sketch, job.train_nerf.shape_sigma, job.train_nerf.steps) == (house, 0.05, 9)
+    assert resolve({"JOB": house, "SKETCH": house}, models).train_nerf.shape_sigma == 1.0
+    assert jobs.run_name(job) != jobs.run_name(dataclasses.replace(job, sketch=""))
+    broken = write(models, "prompt: x\nmodel: plain\ntrain_nerf: 3\n")
+    with pytest.raises(InputError, match="train_nerf is 3"):
+        resolve({"JOB": broken, "SKETCH": broken, "SIGMA_S": "0.05"}, models)
+
+
 @given(prompt=st.text())
 def test_any_prompt_survives_the_file(prompt: str) -> None:
     try:
@@ -135,6 +148,14 @@ def test_errors_name_the_key_the_value_and_what_is_allowed(values: dict[str, Any
         ({"PROMPT": "x", "SEED": "4294967296"}, ["seed", "4294967295"]),
         ({"PROMPT": "x", "SEED": "٣"}, ["SEED"]),
         ({"PROMPT": "x", "QUALITY": "ultra"}, ["quality", "ultra", "draft | standard | high"]),
+        ({"PROMPT": "x", "SIGMA_S": "0.3"}, ["SIGMA_S", "SKETCH=file"]),
+        ({"PROMPT": "x", "SKETCH": "absent.obj"}, ["SKETCH", "absent.obj"]),
+        (
+            {"PROMPT": "x", "SKETCH": __file__, "SIGMA_S": "1e9"},
+            ["train_nerf.shape_sigma", "1000000000", "0.01", "10"],
+        ),
+        ({"PROMPT": "x", "SKETCH": __file__, "SIGMA_S": "nan"}, ["train_nerf.shape_sigma", "nan"]),
+        ({"PROMPT": "x", "SKETCH": __file__, "SIGMA_S": "o.3"}, ["SIGMA_S", "o.3"]),
         ({"PROMPT": "x", "MODEL": "none"}, ["MODEL", "none", "plain, tuned"]),
         ({"PROMPT": "x", "MODEL": ".."}, ["MODEL", "plain, tuned"]),
         ({"PROMPT": "x", "JOB": "absent.yaml"}, ["absent.yaml", "No such file"]),

@@ -9,7 +9,7 @@ from pipeline import provenance
 from pipeline.chain import Link, read_chain
 from pipeline.estimate import estimate
 from pipeline.files import file_sha256
-from pipeline.job import STAGE_OPTIONS, Bake, Clean, Extract, Job, TrainNerf, stage_options
+from pipeline.job import STAGE_OPTIONS, Bake, Clean, Extract, Job, SketchField, TrainNerf, stage_options
 from pipeline.plan import make_plan
 
 JOB = Job(prompt="a red ball")
@@ -100,8 +100,8 @@ def test_the_snakefile_is_read_as_it_is(tmp_path: Path, present: bool) -> None:
     bundle = tmp_path / "a {b} model"
     (bundle / "vae_encoder").mkdir(parents=True) if present else bundle.mkdir()
     (bundle / "bundle.json").write_text("{}") if present else None
-    chain = read_chain(tmp_path / "runs" / "x", bundle)
-    assert [link.stage for link in chain] == list(STAGE_OPTIONS)
+    chain = read_chain(Job(prompt="x", model=str(bundle)), tmp_path / "runs" / "x")
+    assert [link.stage for link in chain] == [stage for stage in STAGE_OPTIONS if stage != "sketch"]
     assert ("vae_encoder" in chain[0].inputs) == present
     assert ("description" in chain[0].inputs) == present
     made: set[str] = set()
@@ -113,10 +113,23 @@ def test_the_snakefile_is_read_as_it_is(tmp_path: Path, present: bool) -> None:
     assert not (tmp_path / "runs").exists()
 
 
+def test_a_sketch_is_a_stage_of_its_own_and_reaches_the_training(tmp_path: Path) -> None:
+    (tmp_path / "model").mkdir()
+    mesh = tmp_path / "a {b} house.obj"
+    mesh.write_text("")
+    job = Job(prompt="x", model=str(tmp_path / "model"), sketch=str(mesh))
+    links = {link.stage: link for link in read_chain(job, tmp_path / "runs" / "x")}
+    assert list(links) == list(STAGE_OPTIONS)
+    assert links["sketch"].inputs == {"drawing": "../../a {b} house.obj"}
+    assert links["train_nerf"].inputs["sketch"] == "sketch.npz"
+    assert links["report"].inputs["sketch"] == "stages/sketch.json"
+
+
 def test_estimates_grow_with_the_work() -> None:
     base = JOB
     more = {
         "train_nerf": Job(prompt="x", train_nerf=TrainNerf(steps=base.train_nerf.steps * 2)),
+        "sketch": Job(prompt="x", sketch_field=SketchField(cells=base.sketch_field.cells * 2)),
         "extract": Job(prompt="x", extract=Extract(resolution=base.extract.resolution * 2)),
         "clean": Job(prompt="x", clean=Clean(faces=base.clean.faces * 2)),
         "bake": Job(prompt="x", bake=Bake(views=base.bake.views * 2)),

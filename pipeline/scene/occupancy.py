@@ -42,17 +42,20 @@ def refresh(
     density_at: Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]],
     step: float,
     rng: np.random.Generator,
+    kept: Bool[np.ndarray, "g g g"] | None = None,
 ) -> Occupancy:
     """Sample occupied cells and a quarter of the others, each at a random point, and decide anew.
 
     A cell is dropped when its density is below the mean of all cells and a sample of length `step` [scene
     units] there would hide less than 1 % (the paper's code: below the mean and 10, which at its step hides
-    3 %). The mean keeps the densest cells of a nearly empty scene, so that it can recover.
+    3 %). The mean keeps the densest cells of a nearly empty scene, so that it can recover. Cells of `kept`
+    are occupied whatever their density.
     """
     chosen = occupancy.occupied | (rng.random(occupancy.occupied.shape, np.float32) < _REVISITED)
     density = occupancy.density.copy()
     density[chosen] = np.maximum(density[chosen] * np.float32(_DECAY), _sample(chosen, density_at, rng))
-    return _decide(density, step)
+    decided = _decide(density, step)
+    return decided if kept is None else Occupancy(density, decided.occupied | kept)
 
 
 def settle(

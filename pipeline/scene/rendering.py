@@ -57,8 +57,10 @@ class Seen(NamedTuple):
     log_transmittance: Float[Tensor, " r"]
     depth: Float[Tensor, " r"]
     """Sum of the distances weighted as the latents are [scene units]."""
-    evaluated: int
-    """Evaluations of the field."""
+    density: Float[Tensor, " m"]
+    """Of every evaluation of the field, in the order of `segments`; differentiable [1 / scene unit]."""
+    segments: list[Segment]
+    """The evaluations."""
 
 
 class Views(NamedTuple):
@@ -143,7 +145,7 @@ def render_rays(scene: Scene, rays: Rays) -> Seen:
     segments, rows = evaluate_visible(scene.field, rays, samples)
     density, latents = scene.field.attach(segments)
     pixels, depth, log_transmittance = composite(density, latents, samples, rows)
-    return Seen(pixels, log_transmittance, depth, len(density))
+    return Seen(pixels, log_transmittance, depth, density, segments)
 
 
 def behind(scene: Scene, rays: Rays, flat: Float[np.ndarray, "b 4"] | None) -> Float[Tensor, "r 4"]:

@@ -23,6 +23,9 @@ from pipeline.scene.cameras import Camera, sample_cameras
 from pipeline.scene.field import FieldShape, LatentField
 from pipeline.scene.rendering import behind, make_rays, render_rays
 from pipeline.scene.scene import Scene, density
+from pipeline.scene.shape_loss import shape_loss
+from pipeline.scene.sketch import Sketch, solid_cells
+from pipeline.scene.sketch_start import grow
 
 _ENTROPY_CLAMP = 1e-5
 _PROBES = 2048
@@ -70,20 +73,27 @@ class Figures(NamedTuple):
     """Mean over all pixels."""
     entropy: float
     """Mean binary entropy of the pixels' opacities [nats]."""
+    shape: float
+    """Mean weighted cross-entropy between the sketch and the scene [nats]; 0 without a sketch."""
     samples: int
     """Evaluations of the field."""
     seconds: dict[str, float]
     """Split: render, denoiser, backward, rest."""
 
 
-def initial_state(options: TrainNerf, backgrounds: Float[np.ndarray, "k 4"], seed: int) -> State:
-    """Return the state before the first step. `backgrounds` are the flat latents that views are drawn on."""
+def initial_state(
+    options: TrainNerf, backgrounds: Float[np.ndarray, "k 4"], seed: int, sketch: Sketch | None = None
+) -> State:
+    """Return the state before the first step. `backgrounds` are the flat latents that views are drawn on.
+
+    With a sketch the scene starts as that, instead of as the blob at the centre, which would hide it.
+    """
     rng = np.random.default_rng(seed)
     shape = FieldShape(
         levels=options.grid_levels,
         finest=options.grid_finest,
         table_log2=options.grid_table_log2,
-        blob_density=options.blob_density,
+        blob_density=options.blob_density if sketch is None else 0.0,
         blob_radius=options.blob_radius,
         density_bias=options.density_bias,
     )
@@ -91,7 +101,10 @@ def initial_state(options: TrainNerf, backgrounds: Float[np.ndarray, "k 4"], see
     learned = options.background == "learned"
     background = LearnedBackground(rng) if learned else FlatBackground(backgrounds)
     scene = Scene(field, occupancy.everywhere(), background, options.samples_per_ray)
-    return State(scene, make_optimizer(scene, options), rng)
+    state = State(scene, make_optimizer(scene, options), rng)
+    if sketch is not None:
+        grow(field, state.optimizer, sketch, rng, options.shape_start)
+    return state
 
 
 def make_optimizer(scene: Scene, options: TrainNerf) -> torch.optim.Adam:
@@ -104,8 +117,13 @@ def make_optimizer(scene: Scene, options: TrainNerf) -> torch.optim.Adam:
     return torch.optim.Adam(groups, betas=(0.9, 0.99), eps=1e-15, fused=True)
 
 
-def training_step(state: State, options: TrainNerf, resolution: int, guidance: Guidance) -> Figures:
+def training_step(
+    state: State, options: TrainNerf, resolution: int, guidance: Guidance, sketch: Sketch | None = None
+) -> Figures:
     """Render views of `resolution`^2 latent pixels, ask the guidance about them, update the scene.
+
+    A `sketch` holds the density of all samples to its shape; rendering never skips its inside, since what is
+    not sampled cannot grow.
 
     Raises:
         FloatingPointError: a NaN or an infinity, named by tensor and step; the state is then not to be used.
@@ -115,8 +133,9 @@ def training_step(state: State, options: TrainNerf, resolution: int, guidance: G
     progress = step / max(options.steps - 1, 1)
     scene.field.sharpening = options.density_sharpening ** max(0.0, 2 * progress - 1)
     if step % occupancy.REFRESH_EVERY == 0:
+        kept = None if sketch is None else solid_cells(sketch, len(scene.occupancy.occupied))
         scene.occupancy = occupancy.refresh(
-            scene.occupancy, lambda x: density(scene, x), scene.step, state.rng
+            scene.occupancy, lambda x: density(scene, x), scene.step, state.rng, kept
         )
     batch = draw_batch(options, progress, resolution, scene, state.rng)
     rays = make_rays(batch.cameras, resolution, state.rng)
@@ -138,9 +157,16 @@ def training_step(state: State, options: TrainNerf, resolution: int, guidance: G
     regulariser = growth * options.sparsity_weight * entropy + options.opacity_weight * opacity.mean()
     if options.emptiness_weight:
         regulariser = regulariser + options.emptiness_weight * unseen_thickness(scene, state.rng)
+    roots = [latents, regulariser]
+    gradients = [torch.from_numpy(gradient / np.float32(len(batch.cameras))), None]
+    shape = 0.0
+    if sketch is not None and seen.segments:
+        points = torch.cat([segment.points for segment in seen.segments])
+        shape, push = shape_loss(sketch, options.shape_sigma, points.numpy(), seen.density.detach().numpy())
+        roots.append(seen.density)
+        gradients.append(torch.from_numpy(push * np.float32(options.shape_weight)))
     state.optimizer.zero_grad(set_to_none=True)
-    share = torch.from_numpy(gradient / np.float32(len(batch.cameras)))
-    torch.autograd.backward([latents, regulariser], [share, None])
+    torch.autograd.backward(roots, gradients)
     clock.append(time.perf_counter())
 
     parameters = {
@@ -159,7 +185,9 @@ def training_step(state: State, options: TrainNerf, resolution: int, guidance: G
     before, render, denoiser, backward, after = np.diff(clock).tolist()
     seconds = {"render": render, "denoiser": denoiser, "backward": backward, "rest": before + after}
     norm = math.sqrt(float(np.square(gradient, dtype=np.float64).sum()) / len(gradient))
-    return Figures(norm, float(opacity.detach().mean()), float(entropy.detach()), seen.evaluated, seconds)
+    return Figures(
+        norm, float(opacity.detach().mean()), float(entropy.detach()), shape, len(seen.density), seconds
+    )
 
 
 def draw_batch(

@@ -53,7 +53,9 @@ def main(context: Context) -> None:
     page = Page(
         prompt=facts["prompt"],
         negative=facts["negative"],
-        facts={name: str(facts[name]) for name in ("model", "quality", "seed")},
+        facts={
+            name: str(facts[name]) for name in ("model", "quality", "seed", "sketch") if facts[name] != ""
+        },
         entries=entries,
         preview_png=preview.read_bytes(),
         turntable_mp4=turntable.read_bytes(),

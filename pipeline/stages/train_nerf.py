@@ -24,6 +24,7 @@ from pipeline.scene import checkpoint, occupancy
 from pipeline.scene.cameras import ring
 from pipeline.scene.rendering import Views, render_views
 from pipeline.scene.scene import Scene, density, save_scene
+from pipeline.scene.sketch import Sketch, load_sketch
 from pipeline.scene.training import Batch, Figures, Guidance, State, initial_state, training_step
 from pipeline.stage import Context, Progress, execute, say
 
@@ -78,6 +79,7 @@ def train(
     guidance: Guidance,
     keep: Callable[[State, list[dict[str, Any]]], None] = lambda state, history: None,
     show: Callable[[Scene], None] = lambda scene: None,
+    sketch: Sketch | None = None,
 ) -> None:
     """Take the steps that `state` has not done yet, then settle its occupancy; record each step in `history`.
 
@@ -88,7 +90,7 @@ def train(
     """
     with Progress("train_nerf", options.steps, "steps") as progress:
         while state.step < options.steps:
-            figures = training_step(state, options, resolution, guidance)
+            figures = training_step(state, options, resolution, guidance, sketch)
             history.append(_row(state.step, figures))
             progress.update(
                 state.step, f"gradient {figures.gradient_norm:.2f}, opacity {figures.opacity:.2f}"
@@ -153,6 +155,7 @@ def main(context: Context) -> None:
     embeddings = load_embeddings(context.inputs["embeddings"])
     schedule = load_schedule(context.inputs["scheduler"])
     resolution = options.resolution or bundle.latent_size
+    sketch = load_sketch(context.inputs["sketch"]) if "sketch" in context.inputs else None
     warnings: list[str] = context.metrics.setdefault("warnings", [])
 
     state, history, damaged = checkpoint.load(context.scratch, options)
@@ -164,7 +167,7 @@ def main(context: Context) -> None:
             # Standard normal latents: what a denoiser takes for plausible, though of no known colour.
             backgrounds = np.random.default_rng(0).standard_normal((64, 4), np.float32)
             backgrounds[0] = 0
-        state = initial_state(options, backgrounds, context.job.seed)
+        state = initial_state(options, backgrounds, context.job.seed, sketch)
         say(f"train_nerf: a preview will appear at {context.scratch / PREVIEW}")
     warnings += [f"{name} was damaged: trained again from step {state.step}" for name in damaged]
     resumed_at = state.step
@@ -192,6 +195,7 @@ def main(context: Context) -> None:
             guidance,
             lambda state, history: checkpoint.save(context.scratch, state, history),
             show,
+            sketch,
         )
 
     warnings += collapse(history)
@@ -203,6 +207,7 @@ def main(context: Context) -> None:
         resolution=resolution,
         opacity=history[-1]["opacity"],
         gradient_norm=history[-1]["gradient_norm"],
+        shape_loss=history[-1]["shape"],
         occupied_share=float(state.scene.occupancy.occupied.mean()),
         samples_per_step=float(np.mean([row["samples"] for row in history])),
         seconds={

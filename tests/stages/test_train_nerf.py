@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from PIL import Image
 
 from pipeline import arrays
@@ -14,7 +15,9 @@ from pipeline.job import Job, TrainNerf
 from pipeline.scene import training
 from pipeline.scene.cameras import sphere
 from pipeline.scene.rendering import Views, render_views
-from pipeline.scene.scene import load_scene
+from pipeline.scene.scene import density, load_scene
+from pipeline.scene.sketch import Sketch, look_up, save_sketch, volume_iou
+from pipeline.scene.winding import tabulate
 from pipeline.stage import Context
 from pipeline.stages import train_nerf
 from tests.scene.test_training import SMALL
@@ -36,6 +39,13 @@ OPTIONS = {
 @pytest.fixture(scope="module")
 def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_tiny_bundle(tmp_path_factory.mktemp("models") / "tiny", latent_size=12)
+
+
+@pytest.fixture(scope="module")
+def bar() -> Sketch:
+    """A bar along x: quite another shape than the disc that the tiny bundle's denoiser knows."""
+    box = trimesh.creation.box([1.4, 0.4, 0.4])
+    return tabulate(box.vertices, box.faces, 32, "bar")
 
 
 def write_embeddings(path: Path, backgrounds: bool = True) -> Path:
@@ -160,3 +170,53 @@ def test_preview_uses_the_bundles_colours_or_three_channels(bundle: Path) -> Non
         tinted - grey, [0.5, 0.2, 0.0], atol=0.02
     )  # 0.3, 0.1, 0.0 over scale 0.5, cut at 1
     assert (picture[-1] == 128).all()
+
+
+def sketched(run: Path, bundle: Path, sketch: Sketch, **options: object) -> Context:
+    context = make_context(run, bundle, **options)
+    context.inputs["sketch"] = run / "sketch.npz"
+    save_sketch(context.inputs["sketch"], sketch)
+    train_nerf.main(context)
+    return context
+
+
+def agreement(context: Context, sketch: Sketch) -> float:
+    """Return the volume IoU of a trained scene and its sketch."""
+    points = np.random.default_rng(0).uniform(-1, 1, (20_000, 3)).astype(np.float32)
+    scene = load_scene(context.outputs["scene"])
+    cells = np.minimum(((points + 1) * 32).astype(int), 63)
+    dense = (density(scene, points) * 0.2 > np.log(2)) & scene.occupancy.occupied[tuple(cells.T)]
+    return volume_iou(dense, look_up(sketch, points)[0])
+
+
+def test_a_sketch_shapes_the_scene_as_strictly_as_asked(bundle: Path, bar: Sketch, tmp_path: Path) -> None:
+    """The regression test of Sketch-Shape: figures of the day it was written, with room."""
+    strict, free = (
+        sketched(tmp_path / f"{sigma}", bundle, bar, shape_sigma=sigma, steps=60) for sigma in (0.05, 1.5)
+    )
+    found = agreement(strict, bar), agreement(free, bar)
+    assert found[0] > 0.8
+    assert found[0] > found[1] + 0.1
+    assert strict.metrics["shape_loss"] < 0.05
+    history = json.loads(strict.outputs["history"].read_text())
+    assert all(row["shape"] >= 0 for row in history)
+
+
+def test_a_sketched_scene_is_the_same_when_killed_and_resumed(
+    bundle: Path, bar: Sketch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = sketched(tmp_path / "whole", bundle, bar, steps=12, checkpoint_every=5)
+    real = training.training_step
+
+    def killed(state, *arguments):
+        if state.step == 8:
+            raise KeyboardInterrupt
+        return real(state, *arguments)
+
+    monkeypatch.setattr(train_nerf, "training_step", killed)
+    with pytest.raises(KeyboardInterrupt):
+        sketched(tmp_path / "killed", bundle, bar, steps=12, checkpoint_every=5)
+    monkeypatch.undo()
+    again = sketched(tmp_path / "killed", bundle, bar, steps=12, checkpoint_every=5)
+    assert again.metrics["resumed_at"] == 5
+    assert again.outputs["scene"].read_bytes() == whole.outputs["scene"].read_bytes()

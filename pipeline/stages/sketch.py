@@ -1,0 +1,70 @@
+"""Stage `sketch`: the user's mesh or drawing as a solid in the scene, tabulated once for the training.
+
+Letters: v vertices, f faces.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.scene import drawing
+from pipeline.scene.mesh import Mesh, write_ply
+from pipeline.scene.mesh_input import FORMATS, read_mesh
+from pipeline.scene.sketch import save_sketch, solid_cells
+from pipeline.scene.winding import orient_outwards, place, tabulate
+from pipeline.stage import Context, execute
+
+_THIN = 2e-3
+"""A solid that fills a smaller share of the box is probably a sheet, or far smaller than a stray vertex."""
+
+
+def read_sketch(path: Path, thickness: float) -> Mesh:
+    """Return the triangles of a mesh file, or of a drawing extruded to `thickness` times its longer side.
+
+    Positions are float64, in the file's units.
+
+    Raises:
+        InputError: see `mesh_input.read_mesh` and `drawing.read_silhouette`.
+    """
+    if path.suffix.lower() not in drawing.FORMATS + FORMATS:
+        raise InputError(
+            f"{path}: the ending is {path.suffix or 'missing'}, expected a mesh ({' '.join(FORMATS)}) "
+            f"or a drawing ({' '.join(drawing.FORMATS)})"
+        )
+    if path.suffix.lower() not in drawing.FORMATS:
+        mesh = read_mesh(path)
+        return Mesh(mesh.vertices, mesh.faces)
+    try:
+        return drawing.extrude(drawing.read_silhouette(path), thickness)
+    except ValueError as error:
+        raise InputError(f"{path} shows no silhouette ({error}): draw the object larger") from None
+
+
+def main(context: Context) -> None:
+    options, path = context.job.sketch_field, context.inputs["drawing"]
+    mesh = read_sketch(path, options.thickness)
+    used = np.unique(mesh.faces)
+    faces = np.searchsorted(used, mesh.faces)
+    vertices = place(mesh.vertices[used].astype(np.float64), options.radius)
+    faces = orient_outwards(vertices, faces)
+    sketch = tabulate(vertices, faces, options.cells, str(path))
+    save_sketch(context.outputs["sketch"], sketch)
+    write_ply(context.outputs["mesh"], Mesh(vertices.astype(np.float32), faces.astype(np.int32)))
+    inside = float((sketch.winding > 0.5).mean())
+    warnings = context.metrics.setdefault("warnings", [])
+    if inside < _THIN:
+        warnings.append(
+            f"the sketch fills only {100 * inside:.2f} % of the scene: check that its surface is closed, "
+            "and that no stray part makes it small"
+        )
+    context.metrics.update(
+        vertices=len(vertices),
+        faces=len(faces),
+        inside_share=inside,
+        occupied_share=float(solid_cells(sketch, options.cells).mean()),
+    )
+
+
+if __name__ == "__main__":
+    execute("sketch", main)
