@@ -69,7 +69,7 @@ class Project:
         self.root = root
         shutil.copytree(ROOT / "pipeline", root / "pipeline", ignore=_everything_heavy)
         (root / "pipeline" / "stages" / "tools.py").write_text("UNIT = 1\n")
-        for name in RUN_STAGES[:-1]:
+        for name in [*RUN_STAGES[:-1], "sketch"]:
             (root / "pipeline" / "stages" / f"{name}.py").write_text(FAKE.format(name=name, steps=STEPS))
         for name in ("Makefile", "pyproject.toml"):
             shutil.copy2(ROOT / name, root / name)
@@ -134,7 +134,19 @@ def clean_environment() -> dict[str, str]:
         name: value
         for name, value in os.environ.items()
         if name
-        not in {"MAKEFLAGS", "MAKELEVEL", "MFLAGS", "PROMPT", "JOB", "OUT", "MODEL", "SEED", "QUALITY"}
+        not in {
+            "MAKEFLAGS",
+            "MAKELEVEL",
+            "MFLAGS",
+            "PROMPT",
+            "JOB",
+            "OUT",
+            "MODEL",
+            "SEED",
+            "QUALITY",
+            "SKETCH",
+            "SIGMA_S",
+        }
     }
 
 

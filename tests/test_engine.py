@@ -99,6 +99,32 @@ def test_a_changed_option_reruns_only_what_depends_on_it(project: Project) -> No
     assert project.make("verify", RUN="runs/latest").returncode == 0
 
 
+def test_a_sketch_is_tabulated_once_whatever_its_name_and_sigma(project: Project) -> None:
+    first, second = (project.root / name for name in ("a 'house'.obj", "$(touch y).obj"))
+    first.write_text("walls and a roof")
+    result = project.make("run", PROMPT=PROMPT, SKETCH=first.name)
+    after_sketch = [
+        "train_nerf",
+        "extract",
+        "clean",
+    ]  # the rest is the finished run's: clean comes out the same
+    assert result.returncode == 0, result.stderr
+    assert project.ran(result) == ["sketch", *after_sketch]
+    assert project.entry("sketch")["inputs"]["drawing"]["path"] == "../../a 'house'.obj"
+    manifest = json.loads((project.latest / "manifest.json").read_text())
+    assert "sketch.npz" in manifest["files"]
+    assert manifest["job"]["sketch"] == first.name
+    assert project.ran(project.make("run", PROMPT=PROMPT, SKETCH=first.name, SIGMA_S="0.1")) == after_sketch
+    second.write_text("walls and a roof")
+    assert project.ran(project.make("run", PROMPT=PROMPT, SKETCH=str(second))) == []
+    assert not (project.root / "y").exists()
+    first.write_text("a tower")
+    assert project.ran(project.make("run", PROMPT=PROMPT, SKETCH=first.name)) == ["sketch", *after_sketch]
+    planned = project.make("plan", PROMPT=PROMPT, SKETCH=first.name, SEED="5").stdout
+    assert "sketch" in planned
+    assert "reuse" in planned
+
+
 def test_outputs_that_come_out_the_same_stop_the_rerun(project: Project) -> None:
     """The fake clean writes the same mesh for any input: nothing after it has to run."""
     (project.root / "job.yaml").write_text("extract: {resolution: 32}\n")

@@ -115,12 +115,12 @@ def test_the_snakefile_is_read_as_it_is(tmp_path: Path, present: bool) -> None:
 
 def test_a_sketch_is_a_stage_of_its_own_and_reaches_the_training(tmp_path: Path) -> None:
     (tmp_path / "model").mkdir()
-    mesh = tmp_path / "a {b} house.obj"
+    mesh = tmp_path / "a house.obj"
     mesh.write_text("")
     job = Job(prompt="x", model=str(tmp_path / "model"), sketch=str(mesh))
     links = {link.stage: link for link in read_chain(job, tmp_path / "runs" / "x")}
     assert list(links) == list(STAGE_OPTIONS)
-    assert links["sketch"].inputs == {"drawing": "../../a {b} house.obj"}
+    assert links["sketch"].inputs == {"drawing": "../../a house.obj"}
     assert links["train_nerf"].inputs["sketch"] == "sketch.npz"
     assert links["report"].inputs["sketch"] == "stages/sketch.json"
 
