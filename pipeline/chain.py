@@ -1,9 +1,9 @@
-"""The chain of stages, as the Snakefile has it."""
+"""The chain of stages of a job, as its Snakefile has it."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
-SNAKEFILE = Path(__file__).with_name("Snakefile")
+from pipeline.job import Job
 
 
 @dataclass(frozen=True)
@@ -15,19 +15,32 @@ class Link:
     outputs: dict[str, str]
 
 
-def snakemake_config(run: Path, bundle: Path, threads: int = 1) -> dict[str, str | int]:
-    """Return what the Snakefile is told: the run (it need not exist yet), its bundle, threads a stage."""
-    return {"run": str(run.resolve()), "bundle": str(bundle.resolve()), "threads": threads}
+def snakefile(job: Job) -> Path:
+    """Return the file with the rules for a job: painting a given mesh, or making one."""
+    return Path(__file__).with_name("Snakefile.paint" if job.mesh else "Snakefile")
 
 
-def read_chain(run: Path, bundle: Path) -> list[Link]:
+def snakemake_config(job: Job, run: Path, bundle: Path, threads: int = 1) -> dict[str, str | int]:
+    """Return what the Snakefile is told: the run (it need not exist yet), its bundle, threads a stage, and
+    the files that the user gave."""
+    config: dict[str, str | int] = {
+        "run": str(run.resolve()),
+        "bundle": str(bundle.resolve()),
+        "threads": threads,
+    }
+    if job.mesh:
+        config |= {"mesh": str(Path(job.mesh).resolve()), "param": job.param}
+    return config
+
+
+def read_chain(job: Job, run: Path, bundle: Path) -> list[Link]:
     """Return the stages of a run, each after those it depends on."""
     # Snakemake takes a second to import: only who asks for the chain pays.
     from snakemake.api import ConfigSettings, OutputSettings, ResourceSettings, SnakemakeApi
 
     with SnakemakeApi(OutputSettings(dryrun=True)) as api:
-        config = ConfigSettings(config=snakemake_config(run, bundle))
-        rules = api.workflow(ResourceSettings(), config, snakefile=SNAKEFILE)._workflow.rules
+        config = ConfigSettings(config=snakemake_config(job, run, bundle))
+        rules = api.workflow(ResourceSettings(), config, snakefile=snakefile(job))._workflow.rules
         links = []
         for rule in rules:
             outputs = {name: str(path) for name, path in rule.output.items()}

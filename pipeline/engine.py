@@ -6,6 +6,7 @@ ends with its holder, a second run that costs no start of Snakemake, and errors 
 
 import contextlib
 import fcntl
+import json
 import os
 import shutil
 import signal
@@ -17,7 +18,7 @@ from types import FrameType
 
 from pipeline import job as jobs
 from pipeline import provenance
-from pipeline.chain import SNAKEFILE, read_chain, snakemake_config
+from pipeline.chain import read_chain, snakefile, snakemake_config
 from pipeline.diffusion.bundle import Bundle, open_bundle
 from pipeline.errors import InputError
 from pipeline.estimate import Cost, available_memory_mb, estimate
@@ -46,7 +47,7 @@ def plan_run(job: Job, out: Path) -> list[tuple[Step, Cost]]:
     """
     run, folder = out / jobs.run_name(job), jobs.bundle_folder(job.model)
     bundle = open_bundle(folder)
-    return _priced(job, bundle, make_plan(job, run, read_chain(run, folder)))
+    return _priced(job, bundle, make_plan(job, run, read_chain(job, run, folder)))
 
 
 def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
@@ -61,7 +62,7 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
     open_bundle(folder, verify=not run.exists())  # before anything is written
     with _user_view_of_os_errors(), _locked(run) as lock:
         _point_latest(run)
-        steps = make_plan(job, run, read_chain(run, folder))
+        steps = make_plan(job, run, read_chain(job, run, folder))
         if all(step.verdict == "unchanged" for step in steps):
             say(f"nothing to do: every file of {run} is as it was made")
             return run
@@ -70,7 +71,7 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
         for reason in (run / "stages").glob("*.error"):
             reason.unlink()
         stale = [step.stage for step in steps if step.verdict != "unchanged"]
-        if _snakemake(run, folder, stale, threads, _profile(profile), lock):
+        if _snakemake(job, run, folder, stale, threads, _profile(profile), lock):
             raise _failure(run)
         missing = [name for name in RESULTS if not (run / name).is_file()]
         if missing:
@@ -122,16 +123,20 @@ def _check_room(run: Path, priced: list[tuple[Step, Cost]]) -> None:
         )
 
 
-def _snakemake(run: Path, bundle: Path, stages: list[str], threads: int, profile: Path, lock: int) -> int:
+def _snakemake(
+    job: Job, run: Path, bundle: Path, stages: list[str], threads: int, profile: Path, lock: int
+) -> int:
     """Have Snakemake run the stages named and those after them; return its exit status."""
-    config = [f"{name}={value}" for name, value in snakemake_config(run, bundle, threads).items()]
+    # As JSON, so that Snakemake, which reads values as YAML, takes no path for anything but a text.
+    values = snakemake_config(job, run, bundle, threads).items()
+    config = [f"{name}={json.dumps(value, ensure_ascii=False)}" for name, value in values]
     here = read_yaml(profile / "config.yaml").get("executor", "local") == "local"
     command = [
         sys.executable,
         "-m",
         "snakemake",
         "--snakefile",
-        str(SNAKEFILE),
+        str(snakefile(job)),
         "--directory",
         str(run),
         "--profile",

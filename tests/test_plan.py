@@ -100,7 +100,7 @@ def test_the_snakefile_is_read_as_it_is(tmp_path: Path, present: bool) -> None:
     bundle = tmp_path / "a {b} model"
     (bundle / "vae_encoder").mkdir(parents=True) if present else bundle.mkdir()
     (bundle / "bundle.json").write_text("{}") if present else None
-    chain = read_chain(tmp_path / "runs" / "x", bundle)
+    chain = read_chain(Job(prompt="a ball"), tmp_path / "runs" / "x", bundle)
     assert [link.stage for link in chain] == list(STAGE_OPTIONS)
     assert ("vae_encoder" in chain[0].inputs) == present
     assert ("description" in chain[0].inputs) == present

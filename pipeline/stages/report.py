@@ -60,6 +60,7 @@ def main(context: Context) -> None:
         links=[
             (name, what, files[name].stat().st_size if name in files else None)
             for name, what in FILES.items()
+            if name in files or name == outputs["manifest"].name
         ],
         job_yaml=to_yaml(context.job),
     )
