@@ -15,9 +15,10 @@ from pipeline.errors import InputError
 from pipeline.scene.mesh import Mesh, face_areas, texture_points
 from pipeline.scene.texture import surface_texels
 
-FULL = 0.85  # share of the texture that the charts would fill at the first scale tried
+FULL = 0.95  # share of the texture that charts and their padding would fill at the first scale tried
 SHRINK = 0.985  # least step by which the scale falls while the charts do not fit
 TRIES = 60
+ROOM = 8  # charts are at least so many paddings wide, on average: narrower ones would be all padding
 
 
 def unwrap_mesh(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[str, Any]]:
@@ -27,8 +28,8 @@ def unwrap_mesh(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[s
     Args:
         mesh: at most some ten thousands of faces: xatlas merges charts in more than linear time.
         resolution: texture size that the charts are packed for [texels].
-        padding: texels kept free around every chart at that size; halved until the charts fit, at the
-            least 1. `figures["padding"]` tells what it came to.
+        padding: texels kept free around every chart at that size; less where many charts would leave little
+            but padding, and halved until the charts fit, at the least 1. `figures["padding"]` tells.
     """
     atlas = xatlas.Atlas()
     atlas.add_mesh(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))
@@ -40,9 +41,10 @@ def unwrap_mesh(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[s
         raise InputError("xatlas left out or reordered faces: the mesh is degenerate; raise clean.faces")
     # xatlas divides by the width and the height of its own atlas; undo that to get lengths of the surface.
     flat = uv.astype(np.float64) * [atlas.width, atlas.height] / atlas.texels_per_unit
-    texels, charts = None, 0
-    for room in (padding >> halvings for halvings in range(padding.bit_length() or 1)):
-        texels, charts = _pack(flat, index.astype(np.int32), resolution, room)
+    texels, charts = None, int(atlas.chart_count)
+    widest = min(padding, max(1, int(resolution / (ROOM * np.sqrt(charts)))))
+    for room in (widest >> halvings for halvings in range(widest.bit_length() or 1)):
+        texels, charts = _pack(flat, index.astype(np.int32), resolution, room, charts)
         if texels is not None:
             break
     if texels is None:
@@ -55,7 +57,7 @@ def unwrap_mesh(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[s
 
 
 def _pack(
-    flat: Float[np.ndarray, "t 2"], index: Int[np.ndarray, "f 3"], resolution: int, padding: int
+    flat: Float[np.ndarray, "t 2"], index: Int[np.ndarray, "f 3"], resolution: int, padding: int, charts: int
 ) -> tuple[Float[np.ndarray, "t 2"] | None, int]:
     """Return texture coordinates [texels] at the largest scale tried that fits (None: no scale did), and the
     number of charts.
@@ -65,7 +67,8 @@ def _pack(
     """
     edge_1, edge_2 = flat[index[:, 1]] - flat[index[:, 0]], flat[index[:, 2]] - flat[index[:, 0]]
     area = 0.5 * np.abs(edge_1[:, 0] * edge_2[:, 1] - edge_1[:, 1] * edge_2[:, 0]).sum()
-    scale = resolution * np.sqrt(FULL / area)
+    # Squares of equal size, each with its padding on two sides.
+    scale = (resolution * np.sqrt(FULL) - padding * np.sqrt(charts)) / np.sqrt(area)
     for _ in range(TRIES):
         atlas = xatlas.Atlas()
         atlas.add_uv_mesh(flat.astype(np.float32), index.astype(np.uint32))
