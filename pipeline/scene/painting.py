@@ -76,10 +76,11 @@ def make_pool(mesh: Mesh, options: TrainPaint, texture: int | None, resolution: 
 def initial_paint(
     options: TrainPaint, pool: Pool, backgrounds: Float[np.ndarray, "k 4"], seed: int
 ) -> PaintState:
-    """Return the state before the first step: random latents, as in the paper."""
+    """Return the state before the first step."""
     rng = np.random.default_rng([seed, 2])
     background = LearnedBackground(rng) if options.background == "learned" else FlatBackground(backgrounds)
-    colours = nn.Parameter(torch.from_numpy(rng.standard_normal((len(pool.seen), 4), np.float32)))
+    drawn = options.initial_noise * rng.standard_normal((len(pool.seen), 4), np.float32)
+    colours = nn.Parameter(torch.from_numpy(drawn.astype(np.float32)))
     return PaintState(colours, background, paint_optimizer(colours, background, options), rng)
 
 
