@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote
 
 from pipeline.job import Job
 
@@ -22,15 +23,13 @@ def snakefile(job: Job) -> Path:
 
 def snakemake_config(job: Job, run: Path, bundle: Path, threads: int = 1) -> dict[str, str | int]:
     """Return what the Snakefile is told: the run (it need not exist yet), its bundle, threads a stage, and
-    the files that the user gave."""
-    config: dict[str, str | int] = {
-        "run": str(run.resolve()),
-        "bundle": str(bundle.resolve()),
+    the mesh that the user gave. Paths are percent-encoded: Snakemake reads values as YAML, without quotes."""
+    paths = {"run": run, "bundle": bundle, **({"mesh": Path(job.mesh)} if job.mesh else {})}
+    return {
+        **{name: quote(str(path.resolve())) for name, path in paths.items()},
+        "param": job.param,
         "threads": threads,
     }
-    if job.mesh:
-        config |= {"mesh": str(Path(job.mesh).resolve()), "param": job.param}
-    return config
 
 
 def read_chain(job: Job, run: Path, bundle: Path) -> list[Link]:
@@ -46,6 +45,9 @@ def read_chain(job: Job, run: Path, bundle: Path) -> list[Link]:
             outputs = {name: str(path) for name, path in rule.output.items()}
             if outputs.pop("entry", None):
                 inputs = {name: _plain(path) for name, path in rule.input.items()}
+                for given in getattr(rule.params, "given", lambda wildcards: ())(None):
+                    name, _, path = given.removeprefix("--input=").partition("=")
+                    inputs[name] = path
                 links.append(Link(rule.name, inputs, outputs))
     return links
 

@@ -2,20 +2,19 @@
 # update(): Snakemake leaves an existing output alone, so that a stage that finds it valid can keep it.
 import os
 import sys
-from pathlib import Path
-
-from pipeline.scene.mesh_files import buffer_files
+from urllib.parse import unquote
 
 
 def relative(path):
-    """Relative paths keep this machine's folders out of every entry; braces would be wildcards."""
-    return os.path.relpath(path, config["run"]).replace("{", "{{").replace("}", "}}")
+    """Relative paths keep this machine's folders out of every entry."""
+    return os.path.relpath(path, unquote(config["run"]))
 
 
-bundle = relative(config["bundle"])
-described = os.path.exists(os.path.join(config["bundle"], "bundle.json"))
+folder = unquote(config["bundle"])
+bundle = relative(folder).replace("{", "{{").replace("}", "}}")  # braces would be wildcards
+described = os.path.exists(os.path.join(folder, "bundle.json"))
 description = {"description": f"{bundle}/bundle.json"} if described else {}
-encodes = os.path.isdir(os.path.join(config["bundle"], "vae_encoder"))
+encodes = os.path.isdir(os.path.join(folder, "vae_encoder"))
 encoder = {"vae_encoder": f"{bundle}/vae_encoder"} if encodes else {}
 
 

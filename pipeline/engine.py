@@ -6,7 +6,6 @@ ends with its holder, a second run that costs no start of Snakemake, and errors 
 
 import contextlib
 import fcntl
-import json
 import os
 import shutil
 import signal
@@ -127,9 +126,7 @@ def _snakemake(
     job: Job, run: Path, bundle: Path, stages: list[str], threads: int, profile: Path, lock: int
 ) -> int:
     """Have Snakemake run the stages named and those after them; return its exit status."""
-    # As JSON, so that Snakemake, which reads values as YAML, takes no path for anything but a text.
-    values = snakemake_config(job, run, bundle, threads).items()
-    config = [f"{name}={json.dumps(value, ensure_ascii=False)}" for name, value in values]
+    config = [f"{name}={value}" for name, value in snakemake_config(job, run, bundle, threads).items()]
     here = read_yaml(profile / "config.yaml").get("executor", "local") == "local"
     command = [
         sys.executable,

@@ -193,7 +193,7 @@ STAGE_OPTIONS: dict[str, tuple[str, ...]] = {
     "train_paint": ("param", "seed", "train_paint"),
     "bake_paint": ("bake_paint",),
     "publish_paint": ("param", "publish"),
-    "report": ("prompt", "negative", "model", "seed", "quality"),
+    "report": ("prompt", "negative", "model", "mesh", "seed", "quality"),
 }
 
 

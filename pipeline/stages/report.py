@@ -53,7 +53,10 @@ def main(context: Context) -> None:
     page = Page(
         prompt=facts["prompt"],
         negative=facts["negative"],
-        facts={name: str(facts[name]) for name in ("model", "quality", "seed")},
+        facts={
+            **({"mesh": Path(facts["mesh"]).name} if facts["mesh"] else {}),
+            **{name: str(facts[name]) for name in ("model", "quality", "seed")},
+        },
         entries=entries,
         preview_png=preview.read_bytes(),
         turntable_mp4=turntable.read_bytes(),
