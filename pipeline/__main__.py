@@ -1,8 +1,8 @@
 """The front door behind make: ``python -m pipeline run | plan | verify | options``.
 
-Takes everything from the environment (PROMPT, NEGATIVE, MODEL, SEED, QUALITY, SKETCH, SIGMA_S, JOB, OUT,
-THREADS, PROFILE, RUN), so that no shell ever reads what a user wrote. Exit status: 0, 2 for what the user can
-mend, 1 for a fault of the program.
+Takes everything from the environment (PROMPT, NEGATIVE, MODEL, SEED, QUALITY, SKETCH, SIGMA_S, MESH, PARAM,
+JOB, OUT, THREADS, PROFILE, RUN), so that no shell ever reads what a user wrote. Exit status: 0, 2 for what
+the user can mend, 1 for a fault of the program.
 """
 
 import argparse
@@ -19,7 +19,6 @@ from pipeline.progress import duration
 from pipeline.verify import verify
 
 LATER = {
-    "MESH": "Latent-Paint",
     "REFINE": "RGB refinement",
     "TOKEN": "textual inversion",
 }
@@ -60,12 +59,12 @@ def _plan(environment: Mapping[str, str]) -> int:
     job, out = _job(environment), _out(environment)
     planned = engine.plan_run(job, out)
     print(f"{out / jobs.run_name(job)}")
-    print(f"{'stage':<11} {'':<10} {'time':>9} {'memory':>8}  why")
+    print(f"{'stage':<13} {'':<10} {'time':>9} {'memory':>8}  why")
     for step, cost in planned:
         time, memory = (
             (duration(cost.seconds), f"{cost.memory_mb:.0f} MB") if step.verdict == "run" else ("", "")
         )
-        print(f"{step.stage:<11} {step.verdict:<10} {time:>9} {memory:>8}  {step.reason}".rstrip())
+        print(f"{step.stage:<13} {step.verdict:<10} {time:>9} {memory:>8}  {step.reason}".rstrip())
     costs = [cost for step, cost in planned if step.verdict == "run"]
     if costs:
         total, peak = sum(cost.seconds for cost in costs), max(cost.memory_mb for cost in costs)

@@ -1,11 +1,10 @@
-"""The chain of stages, as the Snakefile has it."""
+"""The chain of stages of a job, as its Snakefile has it."""
 
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote
 
 from pipeline.job import Job, bundle_folder
-
-SNAKEFILE = Path(__file__).with_name("Snakefile")
 
 
 @dataclass(frozen=True)
@@ -17,13 +16,22 @@ class Link:
     outputs: dict[str, str]
 
 
+def snakefile(job: Job) -> Path:
+    """Return the file with the rules for a job: painting a given mesh, or making one."""
+    return Path(__file__).with_name("Snakefile.paint" if job.mesh else "Snakefile")
+
+
 def snakemake_config(job: Job, run: Path, threads: int = 1) -> dict[str, str | int]:
-    """Return what the Snakefile is told: the run (it need not exist yet), its bundle, the user's files,
-    threads a stage.
+    """Return what the Snakefile is told: the run (it need not exist yet), its bundle, threads a stage, and
+    the files that the user gave. Paths are percent-encoded: Snakemake reads values as YAML, without quotes.
     """
-    files = {"sketch": str(Path(job.sketch).resolve())} if job.sketch else {}
-    bundle = bundle_folder(job.model).resolve()
-    return {"run": str(run.resolve()), "bundle": str(bundle), "threads": threads, **files}
+    given = {name: Path(path) for name, path in (("mesh", job.mesh), ("sketch", job.sketch)) if path}
+    paths = {"run": run, "bundle": bundle_folder(job.model), **given}
+    return {
+        **{name: quote(str(path.resolve())) for name, path in paths.items()},
+        "param": job.param,
+        "threads": threads,
+    }
 
 
 def read_chain(job: Job, run: Path) -> list[Link]:
@@ -33,12 +41,15 @@ def read_chain(job: Job, run: Path) -> list[Link]:
 
     with SnakemakeApi(OutputSettings(dryrun=True)) as api:
         config = ConfigSettings(config=snakemake_config(job, run))
-        rules = api.workflow(ResourceSettings(), config, snakefile=SNAKEFILE)._workflow.rules
+        rules = api.workflow(ResourceSettings(), config, snakefile=snakefile(job))._workflow.rules
         links = []
         for rule in rules:
             outputs = {name: str(path) for name, path in rule.output.items()}
             if outputs.pop("entry", None):
                 inputs = {name: _plain(path) for name, path in rule.input.items()}
+                for given in getattr(rule.params, "given", lambda wildcards: ())(None):
+                    name, _, path = given.removeprefix("--input=").partition("=")
+                    inputs[name] = path
                 links.append(Link(rule.name, inputs, outputs))
     return links
 

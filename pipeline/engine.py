@@ -17,7 +17,7 @@ from types import FrameType
 
 from pipeline import job as jobs
 from pipeline import provenance
-from pipeline.chain import SNAKEFILE, read_chain, snakemake_config
+from pipeline.chain import read_chain, snakefile, snakemake_config
 from pipeline.diffusion.bundle import Bundle, open_bundle
 from pipeline.errors import InputError
 from pipeline.estimate import Cost, available_memory_mb, estimate
@@ -131,7 +131,7 @@ def _snakemake(job: Job, run: Path, stages: list[str], threads: int, profile: Pa
         "-m",
         "snakemake",
         "--snakefile",
-        str(SNAKEFILE),
+        str(snakefile(job)),
         "--directory",
         str(run),
         "--profile",

@@ -6,6 +6,7 @@ bundle on two Zen 5 cores.
 
 from typing import NamedTuple
 
+from pipeline.distillation_options import Distillation
 from pipeline.job import Job
 
 START = 1.5
@@ -24,10 +25,11 @@ def estimate(stage: str, job: Job, latent_size: int, denoiser_megabytes: float) 
     train, views = job.train_nerf, job.bake.view_resolution or max(latent_size, 64)
     side = train.resolution or latent_size
     samples = train.cameras_per_step * side**2 * train.samples_per_ray
-    passes = train.cameras_per_step * (
-        1 if train.guidance_scale == 1 and train.guidance_scale_end in (0, 1) else 2
-    )
-    denoiser = passes * denoiser_megabytes * (latent_size / 32) ** 2
+    denoiser = _denoiser_work(train, denoiser_megabytes, latent_size)
+    paint, paint_views = job.train_paint, job.bake_paint.views
+    paint_side = paint.resolution or latent_size
+    paint_denoiser = _denoiser_work(paint, denoiser_megabytes, latent_size)
+    paint_size = job.bake_paint.view_resolution or max(latent_size, 64)
     texels, faces = job.bake.texture**2, job.clean.faces
     cells = job.extract.resolution**3
     frames = job.publish.turntable_frames * job.publish.turntable_size**2
@@ -40,10 +42,25 @@ def estimate(stage: str, job: Job, latent_size: int, denoiser_megabytes: float) 
         "unwrap": Cost(0.4 + 2e-4 * faces, 0.0),
         "bake": Cost(job.bake.views * (0.02 + 1.8e-5 * views**2), 50 + 1e-4 * texels),
         "publish": Cost(0.8 + 2e-7 * frames, 0.0),
+        "prepare": Cost(1.0, 50.0),
+        "train_paint": Cost(
+            0.5 + 2e-4 * paint.views * paint_side + paint.steps * (0.002 + 1.26e-4 * paint_denoiser),
+            150 + 3e-4 * paint.views * paint_side**2,
+        ),
+        "bake_paint": Cost(
+            paint_views * (0.03 + 1.8e-5 * paint_size**2), 50 + 1e-4 * job.bake_paint.texture**2
+        ),
+        "publish_paint": Cost(0.8 + 2e-7 * frames, 0.0),
         "report": Cost(0.3, 0.0),
     }
     cost = costs[stage]
     return Cost(START + cost.seconds, BASE_MB + cost.memory_mb)
+
+
+def _denoiser_work(options: Distillation, megabytes: float, latent_size: int) -> float:
+    """Return the work of the denoiser in one step: megabytes of weights times passes times relative area."""
+    passes = 1 if options.guidance_scale == 1 and options.guidance_scale_end in (0, 1) else 2
+    return options.cameras_per_step * passes * megabytes * (latent_size / 32) ** 2
 
 
 def available_memory_mb() -> float | None:

@@ -2,8 +2,8 @@
 
 A job is resolved from, in rising order of precedence: the defaults below (the paper's values where it gives
 them), the quality table, the ``distillation`` section of the model's bundle.json, the YAML file named by
-JOB, and the environment variables PROMPT, NEGATIVE, MODEL, SEED, QUALITY, SKETCH, SIGMA_S. The resolved
-job is complete: it is what a run's job.yaml holds, and its hash names the run's folder.
+JOB, and the environment variables PROMPT, NEGATIVE, MODEL, SEED, QUALITY, SKETCH, SIGMA_S, MESH, PARAM. The
+resolved job is complete: it is what a run's job.yaml holds, and its hash names the run's folder.
 
 This module is imported before anything runs, so it imports nothing heavy.
 """
@@ -12,46 +12,27 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal
 
 import yaml
 
+from pipeline.distillation_options import Distillation
 from pipeline.errors import InputError
-from pipeline.options import build, check, check_text, option, plain, read_yaml, short
+from pipeline.options import build, check, check_power_of_two, check_text, option, plain, read_yaml, short
+from pipeline.paint_options import BakePaint, Prepare, TrainPaint
 
 MODELS = Path(__file__).resolve().parents[1] / "onnx_models"
 DEFAULT_MODEL = "everyday-objects"
 
 
 @dataclass(frozen=True)
-class TrainNerf:
+class TrainNerf(Distillation):
     """Latent-NeRF: score distillation of a radiance field in latent space."""
 
     steps: int = option(600, "optimiser steps", 1, 100_000)
-    cameras_per_step: int = option(4, "views rendered and denoised in one step", 1, 64)
-    resolution: int = option(
-        0, "side of a rendered view [latent pixels]; 0: the bundle's latent size", 0, 512
-    )
     samples_per_ray: int = option(64, "samples along a ray through the whole box", 8, 1024)
-    guidance_scale: float = option(
-        100.0, "classifier-free guidance at the first step; 1 skips the unconditional pass", 1, 1000
-    )
-    guidance_scale_end: float = option(
-        0.0, "guidance at the last step (linear in between); 0: as at the first", 0, 1000
-    )
-    timestep_min: float = option(0.02, "least noise, as a share of the schedule", 0, 1)
-    timestep_max: float = option(0.98, "most noise at the first step, as a share of the schedule", 0, 1)
-    timestep_max_end: float = option(
-        0.0, "most noise at the last step (linear in between); 0: as at the first", 0, 1
-    )
-    predicted_clean_clamp: float = option(
-        0.0, "bound on the absolute predicted clean latents; 0: none", 0, 1000
-    )
-    signal_power: float = option(
-        0.5, "p of the weight abar^p (1 - abar); 0.5: Latent-NeRF's code, 0: DreamFusion", 0, 4
-    )
     learning_rate: float = option(1e-3, "Adam's rate for the small network", 1e-7, 1)
     grid_learning_rate: float = option(1e-2, "Adam's rate for the hash grid", 1e-7, 1)
     # The paper's 5e-4 acted through a gradient scaler that the distillation bypassed: 33 in effect. On
@@ -73,9 +54,6 @@ class TrainNerf:
     shape_start: int = option(
         100, "steps that grow the sketch before the first view; 0: start from nothing", 0, 10_000
     )
-    background: Literal["random", "learned"] = option(
-        "random", "a random flat colour each view, or a learned one"
-    )
     # The paper's code starts from density 1 everywhere (bias 0, blob 5), and its first occupancy grid cuts
     # that fog off; rendered as it is, fog grows and fills the box. -4 starts without any.
     density_bias: float = option(
@@ -89,24 +67,6 @@ class TrainNerf:
     density_sharpening: float = option(
         1.0, "density multiplier at the end (geometric ramp over the second half)", 1, 1000
     )
-    checkpoint_every: int = option(100, "steps between checkpoints", 1, 100_000)
-    preview_every: int = option(50, "steps between preview images", 1, 100_000)
-    radius: tuple[float, float] = option((1.0, 1.5), "camera distance, from and to [scene units]", 0.1, 100)
-    fov_degrees: tuple[float, float] = option((40.0, 70.0), "field of view, from and to [degrees]", 1, 170)
-    polar_degrees: tuple[float, float] = option(
-        (0.0, 150.0), "angle from the vertical axis, from and to [degrees]", 0, 180
-    )
-
-    def __post_init__(self) -> None:
-        check(self)
-        for start, end in (("guidance_scale", "guidance_scale_end"), ("timestep_max", "timestep_max_end")):
-            if getattr(self, end) == 0:
-                object.__setattr__(self, end, getattr(self, start))  # frozen, but not yet given to anyone
-        if self.timestep_min >= min(self.timestep_max, self.timestep_max_end):
-            raise InputError(
-                "train_nerf.timestep_min must be below timestep_max and timestep_max_end, "
-                f"found {self.timestep_min} against {self.timestep_max} and {self.timestep_max_end}"
-            )
 
 
 @dataclass(frozen=True)
@@ -169,8 +129,7 @@ class Bake:
 
     def __post_init__(self) -> None:
         check(self)
-        if self.texture & (self.texture - 1):
-            raise InputError(f"bake.texture is {self.texture}, expected a power of two such as 1024")
+        check_power_of_two("bake.texture", self.texture)
 
 
 @dataclass(frozen=True)
@@ -196,16 +155,23 @@ class Job:
     quality: Literal["draft", "standard", "high"] = option("standard", "how much work: see the quality table")
     sketch: str = option("", "Sketch-Shape: a mesh or a drawing that guides the shape; empty: none")
     sketch_field: SketchField = field(default_factory=SketchField)
+    mesh: str = option("", "paint this mesh: a path to an OBJ, PLY, STL, OFF, GLB or glTF file")
+    param: Literal["texture", "face"] = option(
+        "texture", "how a mesh is painted: with a texture, or with one colour a face (no texture coordinates)"
+    )
     train_nerf: TrainNerf = field(default_factory=TrainNerf)
     extract: Extract = field(default_factory=Extract)
     clean: Clean = field(default_factory=Clean)
     unwrap: Unwrap = field(default_factory=Unwrap)
     bake: Bake = field(default_factory=Bake)
+    prepare: Prepare = field(default_factory=Prepare)
+    train_paint: TrainPaint = field(default_factory=TrainPaint)
+    bake_paint: BakePaint = field(default_factory=BakePaint)
     publish: Publish = field(default_factory=Publish)
 
     def __post_init__(self) -> None:
         check(self)
-        for name in ("prompt", "negative", "sketch"):
+        for name in ("prompt", "negative", "sketch", "mesh"):
             check_text(name, getattr(self, name))
         if not self.prompt.strip():
             raise InputError(
@@ -220,6 +186,9 @@ QUALITY: dict[str, dict[str, dict[str, Any]]] = {
         "clean": {"faces": 8_000},
         "unwrap": {"resolution": 512},
         "bake": {"views": 12, "texture": 512},
+        "prepare": {"resolution": 512},
+        "train_paint": {"steps": 60},
+        "bake_paint": {"views": 12, "texture": 512},
         "publish": {"turntable_frames": 36},
     },
     "standard": {},
@@ -229,6 +198,9 @@ QUALITY: dict[str, dict[str, dict[str, Any]]] = {
         "clean": {"faces": 60_000},
         "unwrap": {"resolution": 2048},
         "bake": {"views": 48, "texture": 2048},
+        "prepare": {"resolution": 2048},
+        "train_paint": {"steps": 400, "views": 192},
+        "bake_paint": {"views": 48, "texture": 2048},
         "publish": {"turntable_frames": 120},
     },
 }
@@ -243,7 +215,11 @@ STAGE_OPTIONS: dict[str, tuple[str, ...]] = {
     "unwrap": ("unwrap",),
     "bake": ("bake",),
     "publish": ("publish",),
-    "report": ("prompt", "negative", "model", "seed", "quality", "sketch"),
+    "prepare": ("param", "prepare"),
+    "train_paint": ("param", "seed", "train_paint"),
+    "bake_paint": ("bake_paint",),
+    "publish_paint": ("param", "publish"),
+    "report": ("prompt", "negative", "model", "sketch", "mesh", "seed", "quality"),
 }
 
 
@@ -254,7 +230,7 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
         InputError: an unknown key, a value of the wrong type or out of range, a model that does not exist.
     """
     given: dict[str, Any] = read_yaml(Path(environment["JOB"])) if environment.get("JOB") else {}
-    for variable in ("PROMPT", "NEGATIVE", "MODEL", "QUALITY", "SKETCH"):
+    for variable in ("PROMPT", "NEGATIVE", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM"):
         if environment.get(variable):
             given[variable.lower()] = environment[variable]
     if environment.get("SEED"):
@@ -265,6 +241,11 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
             given["train_nerf"] = {**section, "shape_sigma": _parse_sigma(environment["SIGMA_S"])}
     # Everything the user can get wrong is named before the layers below it are merged in.
     asked = build(Job, given, environment.get("JOB") or "")
+    if asked.sketch and asked.mesh:
+        raise InputError(
+            "SKETCH and MESH are given: a sketch guides a new shape, a mesh is painted as it is; "
+            "leave one out"
+        )
     if environment.get("SIGMA_S") and not asked.sketch:
         raise InputError("SIGMA_S is given, but no sketch that it could act on: say SKETCH=file too")
     if set("{}") & set(asked.sketch):
@@ -273,11 +254,11 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
         )
     if asked.sketch and not Path(asked.sketch).is_file():
         raise InputError(f"SKETCH {short(asked.sketch)} is no file: give the path of a mesh or a drawing")
-    layers = [
-        QUALITY[asked.quality],
-        {"train_nerf": _bundle_options(bundle_folder(asked.model, models))},
-        given,
-    ]
+    if asked.mesh and not Path(asked.mesh).is_file():
+        raise InputError(f"MESH {short(asked.mesh)} does not exist or is no file: give the path of a mesh")
+    if environment.get("PARAM") and not asked.mesh:
+        raise InputError("PARAM is given without MESH: it chooses how a given mesh is painted")
+    layers = [QUALITY[asked.quality], _bundle_options(bundle_folder(asked.model, models)), given]
     merged: dict[str, Any] = {}
     for layer in layers:
         for key, value in layer.items():
@@ -345,14 +326,22 @@ def _parse_sigma(text: str) -> float:
 
 
 def _bundle_options(folder: Path) -> dict[str, Any]:
+    """Return what the bundle recommends, by section of the job.
+
+    Its `distillation` speaks of training a field; painting takes of it what the two share, and `painting`.
+    """
     path = folder / "bundle.json"
     if not path.exists():
         return {}
     try:
-        options = json.loads(path.read_text(encoding="utf-8")).get("distillation", {})
-    except (OSError, ValueError, AttributeError) as error:
+        described = json.loads(path.read_text(encoding="utf-8"))
+        options, painting = ({**described.get(name, {})} for name in ("distillation", "painting"))
+    except (OSError, ValueError, AttributeError, TypeError) as error:
         raise InputError(
             f"{path} is not a bundle description: {error}; fetch or export the bundle again"
         ) from None
+    shared = {spec.name for spec in fields(Distillation)}
+    painting = {**{name: value for name, value in options.items() if name in shared}, **painting}
     build(TrainNerf, options, str(path))
-    return dict(options)
+    build(TrainPaint, painting, str(path))
+    return {"train_nerf": options, "train_paint": painting}

@@ -33,11 +33,22 @@ def check(options: Any) -> None:
     """
     hints = typing.get_type_hints(type(options))
     nested = any(dataclasses.is_dataclass(hint) for hint in hints.values())
-    section = "" if nested else f"{_snake(type(options).__name__)}."
+    section = "" if nested else f"{snake(type(options).__name__)}."
     for spec in dataclasses.fields(options):
         value = getattr(options, spec.name)
         if not dataclasses.is_dataclass(value):
             _check_value(f"{section}{spec.name}", value, hints[spec.name], spec.metadata)
+
+
+def snake(name: str) -> str:
+    """Return the name of the section that a class of options stands for."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
+
+
+def check_power_of_two(name: str, value: int) -> None:
+    """Refuse a size that is not 1, 2, 4, 8 and so on."""
+    if value & (value - 1):
+        raise InputError(f"{name} is {value}, expected a power of two such as 1024")
 
 
 def check_text(name: str, text: str) -> None:
@@ -183,7 +194,3 @@ def short(value: Any) -> str:
     """Return a value as an error quotes it."""
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def _snake(name: str) -> str:
-    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 from tests.tiny_bundle import write_tiny_bundle
 
@@ -112,7 +113,7 @@ class Project:
     def latest(self) -> Path:
         return self.root / "runs" / "latest"
 
-    def entry(self, stage: str) -> dict[str, object]:
+    def entry(self, stage: str) -> dict[str, Any]:
         value = json.loads((self.latest / "stages" / f"{stage}.json").read_text())
         assert isinstance(value, dict)
         return value

@@ -18,6 +18,7 @@ from torch import Tensor, nn
 from export.bundle_files import write_bundle_json, write_configs
 from export.everyday_objects.autoencoder import FACTOR, LATENT_CHANNELS, Decoder, Encoder
 from export.everyday_objects.captions import known_words
+from export.everyday_objects.catalogue import RADIUS
 from export.everyday_objects.dataset import FOV_RANGE, IMAGE_SIZE, RADIUS_RANGE, split_entries
 from export.everyday_objects.denoiser import Denoiser
 from export.everyday_objects.nouns import NOUNS
@@ -48,6 +49,7 @@ DISTILLATION = {
     "fov_degrees": list(FOV_RANGE),
     "polar_degrees": [40.0, 105.0],
 }
+PAINTING = {"mesh_radius": RADIUS}
 
 
 class EncoderGraph(nn.Module):
@@ -178,6 +180,7 @@ def export_bundle(work: Path, folder: Path) -> None:
             "latent_scale": 1.0,
             "view_prompts": "eight",
             "distillation": DISTILLATION,
+            "painting": PAINTING,
             "known_words": known_words(),
             "nouns": [n.words[0] for n in NOUNS],
             "latent_to_rgb": [[round(float(v), 6) for v in row] for row in matrix],

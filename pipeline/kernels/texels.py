@@ -89,7 +89,20 @@ def look_up(start, stop, triangle, barycentric, uv, uv_faces, texture, out):
 
 @numba.njit(cache=True, nogil=True)
 def accumulate_view(
-    start, stop, pose, half, position, normal, depth, picture, trust, power, least_cosine, bias, total
+    start,
+    stop,
+    pose,
+    half,
+    position,
+    normal,
+    depth,
+    picture,
+    trust,
+    power,
+    two_sided,
+    least_cosine,
+    bias,
+    total,
 ):
     """Add one view's colours to those texels from `start` to `stop` that it sees.
 
@@ -98,7 +111,8 @@ def accumulate_view(
         position, normal: (n, 3) float32, of the texels; normals are unit.
         depth: (d, d) float32, nearest surface along the viewing axis, infinite where there is none.
         picture, trust: (h, w, 3) and (h, w) float32, colours and how far each may be believed, in (0, 1].
-        power, least_cosine: the weight is trust * cosine ** power; others get nothing.
+        power, two_sided, least_cosine: the weight is trust * cosine ** power (of its absolute value if
+            `two_sided`); cosines below the least get nothing.
         bias: depth tolerance [pixels of `depth`], for a surface facing the camera; more for one aslant.
         total: (n, 4) float64 in and out, sums of weight * colour and of weight.
     """
@@ -114,6 +128,8 @@ def accumulate_view(
         cosine = (vx * normal[i, 0] + vy * normal[i, 1] + vz * normal[i, 2]) / np.sqrt(
             vx * vx + vy * vy + vz * vz
         )
+        if two_sided:
+            cosine = abs(cosine)
         if cosine < least_cosine:
             continue
         u = 0.5 - 0.5 * (vx * pose[0, 0] + vy * pose[1, 0] + vz * pose[2, 0]) / (along * half)

@@ -50,6 +50,11 @@ def albedo_shade(mesh: Mesh, texture: Float[np.ndarray, "s s 3"]) -> Shade:
     return lambda fragments, camera: render_texture(fragments, mesh, texture)
 
 
+def face_shade(colours: Float[np.ndarray, "f 3"]) -> Shade:
+    """Show one colour a face."""
+    return lambda fragments, camera: np.asarray(colours[np.maximum(fragments.triangle, 0)], np.float32)
+
+
 def normal_shade(mesh: Mesh) -> Shade:
     """Show smooth normals in the camera's frame: red to the right, green up, blue towards the viewer."""
     normals = vertex_normals(mesh).astype(np.float32)
@@ -79,12 +84,12 @@ def sheet(tiles: Sequence[Float[np.ndarray, "p p 3"]], columns: int) -> Float[np
     return page
 
 
-def preview(mesh: Mesh, texture: Float[np.ndarray, "s s 3"], size: int) -> Float[np.ndarray, "h w 3"]:
-    """Return the sheet: eight textured views every 45 degrees from the front, then normals every 90
+def preview(mesh: Mesh, shade: Shade, size: int) -> Float[np.ndarray, "h w 3"]:
+    """Return the sheet: eight views in colour every 45 degrees from the front, then normals every 90
     degrees.
     """
     cameras = turn(mesh, 8)
-    albedo, normals = albedo_shade(mesh, texture), normal_shade(mesh)
-    tiles = [picture(mesh, camera, size, albedo, SUPERSAMPLING) for camera in cameras]
+    normals = normal_shade(mesh)
+    tiles = [picture(mesh, camera, size, shade, SUPERSAMPLING) for camera in cameras]
     tiles += [picture(mesh, camera, size, normals, SUPERSAMPLING) for camera in cameras[::2]]
     return sheet(tiles, 4)

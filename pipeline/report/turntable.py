@@ -7,9 +7,8 @@ from pathlib import Path
 
 import av
 import numpy as np
-from jaxtyping import Float
 
-from pipeline.report.preview import albedo_shade, picture, to_bytes, turn
+from pipeline.report.preview import Shade, picture, to_bytes, turn
 from pipeline.scene.mesh import Mesh
 
 FRAMES_PER_SECOND = 24
@@ -20,16 +19,15 @@ QUALITY = "18"  # x264's constant rate factor: no visible loss
 def write_turntable(
     path: Path,
     mesh: Mesh,
-    texture: Float[np.ndarray, "s s 3"],
+    shade: Shade,
     size: int,
     frames: int,
     tell: Callable[[int], None] = lambda done: None,
 ) -> None:
-    """Write one turn of the textured mesh in `frames` pictures of `size` x `size` pixels (made even: 4:2:0
+    """Write one turn of the mesh in `frames` pictures of `size` x `size` pixels (made even: 4:2:0
     wants it).
     """
     size += size % 2
-    shade = albedo_shade(mesh, texture)
     # One thread, and no encoder's name or date in the file: the bytes depend on the pictures alone.
     options = {"movflags": "faststart", "fflags": "+bitexact"}
     with av.open(str(path), "w", format="mp4", options=options) as container:

@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import json
 import struct
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
-from pipeline.scene.mesh import SplitMesh
+import numpy as np
+from jaxtyping import Float, Int
 
 FLOAT, UNSIGNED_INT = 5126, 5125
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
@@ -20,79 +22,124 @@ LINEAR, LINEAR_MIPMAP_LINEAR, CLAMP_TO_EDGE = 9729, 9987, 33071
 JSON_CHUNK, BINARY_CHUNK = b"JSON", b"BIN\0"
 
 
-def glb_bytes(mesh: SplitMesh, png: bytes, name: str) -> bytes:
-    """Return a GLB file of one mesh with one base-colour texture (8-bit sRGB PNG) inside.
+class Part(NamedTuple):
+    """One named piece, with one index for everything: vertices are repeated where texture points or colours
+    differ."""
 
-    `name` is shown by viewers as the name of the object. Vertices at chart borders are repeated: `mesh` says
-    where.
+    name: str
+    vertices: Float[np.ndarray, "c 3"]
+    """float32"""
+    faces: Int[np.ndarray, "f 3"]
+    normals: Float[np.ndarray, "c 3"] | None = None
+    """Unit; without any, viewers show every face flat."""
+    uv: Float[np.ndarray, "c 2"] | None = None
+    colours: Float[np.ndarray, "c 3"] | None = None
+    """Linear light in [0, 1], as glTF wants vertex colours."""
+
+
+def glb_bytes(
+    parts: Sequence[Part],
+    png: bytes | None,
+    *,
+    translation: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    double_sided: bool = False,
+) -> bytes:
+    """Return a GLB file of a mesh in named parts that share one material; `png`, its base-colour texture
+    (8-bit sRGB), is inside.
+
+    `translation` moves the whole: float32 positions far from the origin would lose digits, a node's
+    translation does not. Vertices at chart borders are repeated: `Part` holds them so.
     """
-    parts: list[tuple[bytes, int | None]] = [
-        (mesh.vertices.astype("<f4").tobytes(), ARRAY_BUFFER),
-        (mesh.normals.astype("<f4").tobytes(), ARRAY_BUFFER),
-        (mesh.uv.astype("<f4").tobytes(), ARRAY_BUFFER),
-        (mesh.faces.astype("<u4").tobytes(), ELEMENT_ARRAY_BUFFER),
-        (png, None),
-    ]
-    views: list[dict[str, int]] = []
-    binary = b""
-    for data, target in parts:
-        view = {"buffer": 0, "byteOffset": len(binary), "byteLength": len(data)}
-        views.append(view if target is None else {**view, "target": target})
-        binary += data + b"\0" * (-len(data) % 4)
-    count = len(mesh.vertices)
+    file = _Buffer()
+    nodes: list[dict[str, Any]] = []
+    meshes: list[dict[str, Any]] = []
+    for row, part in enumerate(parts):
+        attributes = {"POSITION": file.add(part.vertices, "VEC3", ARRAY_BUFFER, bounds=True)}
+        for name, values, kind in (
+            ("NORMAL", part.normals, "VEC3"),
+            ("TEXCOORD_0", part.uv, "VEC2"),
+            ("COLOR_0", part.colours, "VEC3"),
+        ):
+            if values is not None:
+                attributes[name] = file.add(values, kind, ARRAY_BUFFER)
+        indices = file.add(part.faces, "SCALAR", ELEMENT_ARRAY_BUFFER)
+        primitive = {"attributes": attributes, "indices": indices, "material": 0}
+        meshes.append({"name": part.name, "primitives": [primitive]})
+        nodes.append({"mesh": row, "name": part.name})
+    roots = [*range(len(nodes))]
+    if any(translation):
+        nodes.append({"name": "place", "translation": [*translation], "children": roots})
+        roots = [len(nodes) - 1]
+    look = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
+    textured = {"baseColorTexture": {"index": 0}} if png is not None else {}
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "latent-nerf-onnx"},
         "extensionsUsed": ["KHR_materials_unlit"],
         "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "name": name}],
-        "meshes": [
-            {
-                "name": name,
-                "primitives": [
-                    {"attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}, "indices": 3, "material": 0}
-                ],
-            }
-        ],
+        "scenes": [{"nodes": roots}],
+        "nodes": nodes,
+        "meshes": meshes,
         "materials": [
             {
                 "name": "albedo",
-                "pbrMetallicRoughness": {
-                    "baseColorTexture": {"index": 0},
-                    "metallicFactor": 0.0,
-                    "roughnessFactor": 1.0,
-                },
+                "pbrMetallicRoughness": {**textured, **look},
+                **({"doubleSided": True} if double_sided else {}),
                 "extensions": {"KHR_materials_unlit": {}},
             }
         ],
-        "textures": [{"sampler": 0, "source": 0}],
-        "images": [{"name": "albedo", "mimeType": "image/png", "bufferView": 4}],
-        "samplers": [
-            {
-                "magFilter": LINEAR,
-                "minFilter": LINEAR_MIPMAP_LINEAR,
-                "wrapS": CLAMP_TO_EDGE,
-                "wrapT": CLAMP_TO_EDGE,
-            }
-        ],
-        "accessors": [
-            {
-                "bufferView": 0,
-                "componentType": FLOAT,
-                "count": count,
-                "type": "VEC3",
-                "min": mesh.vertices.min(axis=0).tolist(),
-                "max": mesh.vertices.max(axis=0).tolist(),
-            },
-            {"bufferView": 1, "componentType": FLOAT, "count": count, "type": "VEC3"},
-            {"bufferView": 2, "componentType": FLOAT, "count": count, "type": "VEC2"},
-            {"bufferView": 3, "componentType": UNSIGNED_INT, "count": mesh.faces.size, "type": "SCALAR"},
-        ],
-        "bufferViews": views,
-        "buffers": [{"byteLength": len(binary)}],
     }
-    text = json.dumps(document, separators=(",", ":")).encode()
+    if png is not None:
+        document |= _texture(file.append(png))
+    document |= file.description()
+    text = json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
     text += b" " * (-len(text) % 4)
     body = struct.pack("<I4s", len(text), JSON_CHUNK) + text
-    body += struct.pack("<I4s", len(binary), BINARY_CHUNK) + binary
+    body += struct.pack("<I4s", len(file.binary), BINARY_CHUNK) + file.binary
     return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
+def _texture(view: int) -> dict[str, Any]:
+    sampler = {"magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR}
+    return {
+        "textures": [{"sampler": 0, "source": 0}],
+        "images": [{"name": "albedo", "mimeType": "image/png", "bufferView": view}],
+        "samplers": [{**sampler, "wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE}],
+    }
+
+
+class _Buffer:
+    """The binary chunk while it grows, and what describes it."""
+
+    def __init__(self) -> None:
+        self.binary = bytearray()
+        self.views: list[dict[str, int]] = []
+        self.accessors: list[dict[str, Any]] = []
+
+    def append(self, data: bytes, target: int | None = None) -> int:
+        """Add bytes, aligned to four, and return the row of their view."""
+        view = {"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(data)}
+        self.views.append(view if target is None else {**view, "target": target})
+        self.binary += data + b"\0" * (-len(data) % 4)
+        return len(self.views) - 1
+
+    def add(self, values: np.ndarray, kind: str, target: int, bounds: bool = False) -> int:
+        """Add an array and return the row of its accessor; `bounds`: say least and greatest values."""
+        whole = kind == "SCALAR"
+        data = values.astype("<u4" if whole else "<f4")
+        accessor = {
+            "bufferView": self.append(data.tobytes(), target),
+            "componentType": UNSIGNED_INT if whole else FLOAT,
+            "count": data.size if whole else len(data),
+            "type": kind,
+        }
+        if bounds:
+            accessor |= {"min": data.min(axis=0).tolist(), "max": data.max(axis=0).tolist()}
+        self.accessors.append(accessor)
+        return len(self.accessors) - 1
+
+    def description(self) -> dict[str, Any]:
+        return {
+            "accessors": self.accessors,
+            "bufferViews": self.views,
+            "buffers": [{"byteLength": len(self.binary)}],
+        }

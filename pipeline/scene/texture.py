@@ -97,12 +97,13 @@ def project_view(
     picture: Float[np.ndarray, "p p 3"],
     trust: Float[np.ndarray, "p p"],
     power: float,
+    two_sided: bool = False,
 ) -> None:
     """Add what a view shows to `total` (float64, in place): sums of weight * colour, and of weight.
 
     A texel is seen if no face hides it (a depth test with a tolerance that grows with the slant) and it faces
-    the camera; its weight is trust * cosine ** `power`: with a high power the best views decide, and the
-    texture stays sharp.
+    the camera (`two_sided`: or faces away from it); its weight is trust * cosine ** `power`: with a high
+    power the best views decide, and the texture stays sharp.
     """
     depth = rasterize(camera, mesh.vertices, mesh.faces, DEPTH_SIZE).depth
     parallel.run(
@@ -116,6 +117,7 @@ def project_view(
         np.ascontiguousarray(picture, np.float32),
         np.ascontiguousarray(trust, np.float32),
         float(power),
+        two_sided,
         LEAST_COSINE,
         DEPTH_BIAS,
         total,
@@ -126,25 +128,36 @@ def project_view(
 def resolve(
     total: Float[np.ndarray, "n 4"], texels: Texels
 ) -> tuple[Float[np.ndarray, "n 3"], Bool[np.ndarray, " n"]]:
-    """Return the colour of every texel and which of them some view saw.
-
-    The others get the mean of the nearest seen texels on the surface (by distance, normal and weight):
-    the atlas would take it from a chart that lies elsewhere on the object. Raises ValueError if no view saw
-    anything.
+    """Return the colour of every texel and which of them some view saw; the others are filled, see
+    `fill_unseen`. Raises ValueError if no view saw anything.
     """
     seen = total[:, 3] > 0
     if not seen.any():
         raise ValueError("no view sees any texel of the mesh")
     colours = np.zeros((len(total), 3), np.float32)
     colours[seen] = total[seen, :3] / total[seen, 3:]
+    return fill_unseen(colours, total[:, 3], texels.position, texels.normal), seen
+
+
+def fill_unseen(
+    values: Float[np.ndarray, "n c"],
+    weight: Float[np.ndarray, " n"],
+    position: Float[np.ndarray, "n 3"],
+    normal: Float[np.ndarray, "n 3"],
+) -> Float[np.ndarray, "n c"]:
+    """Return `values`, those without weight replaced by the mean of the nearest others on the surface (by
+    distance, normal and weight): the atlas would take it from a chart that lies elsewhere on the object.
+    """
+    seen = weight > 0
+    filled = np.array(values, np.float32)
     if not seen.all():
-        places = np.concatenate([texels.position, NORMAL_SCALE * texels.normal], axis=1)
+        places = np.concatenate([position, NORMAL_SCALE * normal], axis=1)
         count = min(NEIGHBOURS, int(seen.sum()))
         distance, nearest = cKDTree(places[seen]).query(places[~seen], k=[*range(1, count + 1)])
-        weight = total[seen, 3][nearest] / np.maximum(distance, 1e-6)
-        weight /= weight.sum(axis=1, keepdims=True)
-        colours[~seen] = np.einsum("nk,nkc->nc", weight, colours[seen][nearest])
-    return colours, seen
+        share = weight[seen][nearest] / np.maximum(distance, 1e-6)
+        share /= share.sum(axis=1, keepdims=True)
+        filled[~seen] = np.einsum("nk,nkc->nc", share, values[seen][nearest])
+    return filled
 
 
 def paint(colours: Float[np.ndarray, "n 3"], texels: Texels, padding: int) -> Float[np.ndarray, "s s 3"]:

@@ -7,7 +7,6 @@ it. The regularisers are losses; both go through one backward pass.
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,7 +18,8 @@ from torch import Tensor
 from pipeline.job import TrainNerf
 from pipeline.scene import occupancy
 from pipeline.scene.background import FlatBackground, LearnedBackground
-from pipeline.scene.cameras import Camera, sample_cameras
+from pipeline.scene.batch import Batch, Guidance, make_batch, require_finite
+from pipeline.scene.cameras import sample_cameras
 from pipeline.scene.field import FieldShape, LatentField
 from pipeline.scene.rendering import behind, make_rays, render_rays
 from pipeline.scene.scene import Scene, density
@@ -30,26 +30,6 @@ from pipeline.scene.sketch_start import grow
 _ENTROPY_CLAMP = 1e-5
 _PROBES = 2048
 """Points at which a step looks into the cells that rendering skips."""
-
-
-class Batch(NamedTuple):
-    """What one step renders, and how it is to be judged."""
-
-    cameras: list[Camera]
-    azimuths: Float[np.ndarray, " b"]
-    """[rad], as in `cameras.orbit_camera`."""
-    polars: Float[np.ndarray, " b"]
-    """[rad]"""
-    backgrounds: Float[np.ndarray, "b 4"] | None
-    """Flat latents behind each view; None: the scene's own learned background."""
-    noise_levels: Float[np.ndarray, " b"]
-    """Timesteps as a share of the schedule, in [0, 1]."""
-    noise: Float[np.ndarray, "b 4 h w"]
-    guidance_scale: float
-
-
-Guidance = Callable[[Float[np.ndarray, "b 4 h w"], Batch], Float[np.ndarray, "b 4 h w"]]
-"""Rendered latents and their batch -> the gradient by those latents, summed over pixels, for each view."""
 
 
 @dataclass
@@ -193,23 +173,15 @@ def training_step(
 def draw_batch(
     options: TrainNerf, progress: float, resolution: int, scene: Scene, rng: np.random.Generator
 ) -> Batch:
-    """Draw cameras, backgrounds, noise levels and noise of the step at `progress` in [0, 1] of the run.
-
-    Noise levels are stratified over the views (one in each of b equal parts of the range, in random order).
-    """
+    """Draw cameras, backgrounds, noise levels and noise of the step at `progress` in [0, 1] of the run."""
     count = options.cameras_per_step
     fov, polar = ([math.radians(v) for v in pair] for pair in (options.fov_degrees, options.polar_degrees))
-    cameras, azimuths, polars = sample_cameras(rng, count, options.radius, fov, polar)
+    views = sample_cameras(rng, count, options.radius, fov, polar)
     backgrounds = None
     if isinstance(scene.background, FlatBackground):
         colours = scene.background.colours.numpy()
         backgrounds = colours[rng.integers(len(colours), size=count)]
-    top = _ramp(options.timestep_max, options.timestep_max_end, progress)
-    strata = (rng.permutation(count) + rng.random(count)) / count
-    levels = options.timestep_min + (top - options.timestep_min) * strata
-    noise = rng.standard_normal((count, 4, resolution, resolution), np.float32)
-    scale = _ramp(options.guidance_scale, options.guidance_scale_end, progress)
-    return Batch(cameras, azimuths, polars, backgrounds, levels, noise, scale)
+    return make_batch(views, backgrounds, options, progress, resolution, rng)
 
 
 def unseen_thickness(scene: Scene, rng: np.random.Generator) -> Float[Tensor, ""]:
@@ -230,22 +202,3 @@ def binary_entropy(opacity: Float[Tensor, " r"]) -> Float[Tensor, " r"]:
     """Return -o log o - (1 - o) log(1 - o) [nats], clamped 1e-5 from both ends as in the paper's code."""
     clamped = opacity.clamp(_ENTROPY_CLAMP, 1 - _ENTROPY_CLAMP)
     return -clamped * clamped.log() - (1 - clamped) * torch.log1p(-clamped)
-
-
-def require_finite(name: str, values: Tensor | np.ndarray | None, step: int) -> None:
-    """Raise FloatingPointError with the tensor's name and the step if it holds a NaN or an infinity."""
-    if values is None:
-        return
-    tensor = values.detach() if isinstance(values, Tensor) else torch.from_numpy(values)
-    # A sum with a NaN or an infinity in it is not finite; one without can still overflow, so look again.
-    if math.isfinite(float(tensor.sum())):
-        return
-    bad = int((~torch.isfinite(tensor)).sum())
-    if bad:
-        raise FloatingPointError(
-            f"{name} holds {bad} NaN or infinite values of {tensor.numel()} at step {step}"
-        )
-
-
-def _ramp(start: float, end: float, progress: float) -> float:
-    return start + (end - start) * progress

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from pipeline.report.preview import preview, to_bytes
+from pipeline.report.preview import albedo_shade, preview, to_bytes
 from pipeline.report.turntable import write_turntable
-from pipeline.scene.gltf import glb_bytes
+from pipeline.scene.gltf import Part, glb_bytes
 from pipeline.scene.mesh import bounding_radius, read_obj, split_seams, write_obj
 from pipeline.scene.topology import topology
 from pipeline.stage import Context, Progress, execute
@@ -33,19 +33,20 @@ def main(context: Context) -> None:
     mesh = read_obj(context.inputs["mesh"])
     with Image.open(context.inputs["albedo"], formats=["PNG"]) as opened:
         albedo = opened.convert("RGB")
-    texture = np.asarray(albedo, np.float32) / 255
+    shade = albedo_shade(mesh, np.asarray(albedo, np.float32) / 255)
 
     write_png(outputs["albedo"], albedo)
     split = split_seams(mesh)
-    outputs["glb"].write_bytes(glb_bytes(split, outputs["albedo"].read_bytes(), OBJECT_NAME))
+    part = Part(OBJECT_NAME, split.vertices, split.faces, split.normals, split.uv)
+    outputs["glb"].write_bytes(glb_bytes([part], outputs["albedo"].read_bytes()))
     outputs["mtl"].write_text(material_text(outputs["albedo"].name), encoding="ascii")
     write_obj(outputs["obj"], mesh, outputs["mtl"].name, normals=True)
-    write_png(outputs["preview"], Image.fromarray(to_bytes(preview(mesh, texture, options.preview_size))))
+    write_png(outputs["preview"], Image.fromarray(to_bytes(preview(mesh, shade, options.preview_size))))
     with Progress("publish", options.turntable_frames, "frames") as progress:
         write_turntable(
             outputs["turntable"],
             mesh,
-            texture,
+            shade,
             options.turntable_size,
             options.turntable_frames,
             progress.update,

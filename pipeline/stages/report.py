@@ -54,7 +54,8 @@ def main(context: Context) -> None:
         prompt=facts["prompt"],
         negative=facts["negative"],
         facts={
-            name: str(facts[name]) for name in ("model", "quality", "seed", "sketch") if facts[name] != ""
+            **{name: Path(facts[name]).name for name in ("sketch", "mesh") if facts[name]},
+            **{name: str(facts[name]) for name in ("model", "quality", "seed")},
         },
         entries=entries,
         preview_png=preview.read_bytes(),
@@ -62,6 +63,7 @@ def main(context: Context) -> None:
         links=[
             (name, what, files[name].stat().st_size if name in files else None)
             for name, what in FILES.items()
+            if name in files or name == outputs["manifest"].name
         ],
         job_yaml=to_yaml(context.job),
     )

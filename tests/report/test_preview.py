@@ -16,7 +16,7 @@ from pipeline.report.preview import (
 )
 from pipeline.report.turntable import write_turntable
 from pipeline.scene.mesh import Mesh
-from pipeline.stages.unwrap import unwrap_mesh
+from pipeline.scene.unwrapping import unwrap_mesh
 from tests import shapes
 
 
@@ -56,12 +56,12 @@ def test_the_sheet_shows_the_views_in_order(ball: Mesh) -> None:
     assert page[GAP, GAP + 4 + GAP, 0] == np.float32(0.1)
     assert page[GAP + 4 + GAP, GAP, 0] == np.float32(0.4)
     assert page[0, 0, 0] == np.float32(BACKDROP)
-    assert preview(ball, RED, 16).shape == (3 * (16 + GAP) + GAP, 4 * (16 + GAP) + GAP, 3)
+    assert preview(ball, albedo_shade(ball, RED), 16).shape == (3 * (16 + GAP) + GAP, 4 * (16 + GAP) + GAP, 3)
 
 
 def test_turntable_plays_and_shows_the_object(ball: Mesh, tmp_path: Path) -> None:
     told: list[int] = []
-    write_turntable(tmp_path / "a.mp4", ball, RED, 63, 5, told.append)
+    write_turntable(tmp_path / "a.mp4", ball, albedo_shade(ball, RED), 63, 5, told.append)
     assert told == [1, 2, 3, 4, 5]
     with av.open(str(tmp_path / "a.mp4")) as container:
         stream = container.streams.video[0]
@@ -72,7 +72,7 @@ def test_turntable_plays_and_shows_the_object(ball: Mesh, tmp_path: Path) -> Non
         assert frame.shape == (64, 64, 3)
         np.testing.assert_allclose(frame[32, 32] / 255, RED[0, 0], atol=0.06)
         np.testing.assert_allclose(frame[2, 2] / 255, BACKDROP, atol=0.04)
-    write_turntable(tmp_path / "b.mp4", ball, RED, 63, 5)
+    write_turntable(tmp_path / "b.mp4", ball, albedo_shade(ball, RED), 63, 5)
     assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
     # The index stands before the pictures, so that a browser can start before it has the whole file.
     data = (tmp_path / "a.mp4").read_bytes()

@@ -17,7 +17,7 @@ from pipeline.scene.mesh import (
     write_obj,
     write_ply,
 )
-from pipeline.stages.unwrap import unwrap_mesh
+from pipeline.scene.unwrapping import unwrap_mesh
 from tests import shapes
 
 

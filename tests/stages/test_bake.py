@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from pipeline.scene.baking import bake_cameras, bake_texture, decibels, extend_foreground
 from pipeline.scene.cameras import Camera, project
 from pipeline.scene.mesh import Mesh, bounding_radius
 from pipeline.scene.rasterize import interpolate, rasterize
 from pipeline.scene.texture import surface_texels
-from pipeline.stages.bake import bake_cameras, bake_texture, decibels, extend_foreground, view_resolution
-from pipeline.stages.unwrap import unwrap_mesh
+from pipeline.scene.unwrapping import unwrap_mesh
+from pipeline.stages.bake import view_resolution
 from tests import shapes
 
 

@@ -10,10 +10,10 @@ from PIL import Image
 from pipeline.job import Job
 from pipeline.scene.mesh import read_obj, write_obj
 from pipeline.scene.topology import topology
+from pipeline.scene.unwrapping import unwrap_mesh
 from pipeline.stage import Context
 from pipeline.stages import publish
 from pipeline.stages.publish import material_text
-from pipeline.stages.unwrap import unwrap_mesh
 from tests import shapes
 
 NAMES = {

@@ -10,8 +10,10 @@ from PIL import Image
 
 from pipeline import arrays
 from pipeline.diffusion.bundle import open_bundle
+from pipeline.diffusion.guidance import load_embeddings
 from pipeline.errors import InputError
 from pipeline.job import Job, TrainNerf
+from pipeline.report.latents import latent_preview
 from pipeline.scene import training
 from pipeline.scene.cameras import sphere
 from pipeline.scene.rendering import Views, render_views
@@ -104,7 +106,7 @@ def test_the_middle_takes_the_denoisers_colour(finished: Context) -> None:
     projection = 0.3 * np.random.default_rng(0).normal(size=(16, 4))
     colour = DISC + OPTIONS["guidance_scale"] * COND.mean(axis=0) @ projection
     trained = load_scene(finished.outputs["scene"])
-    embeddings = train_nerf.load_embeddings(finished.inputs["embeddings"])
+    embeddings = load_embeddings(finished.inputs["embeddings"])
     assert embeddings.backgrounds is not None
     untrained = training.initial_state(finished.job.train_nerf, embeddings.backgrounds, 3).scene
     errors = []
@@ -145,7 +147,7 @@ def test_a_bundle_without_encoder_trains_on_made_up_backgrounds(bundle: Path, tm
 
 
 def test_the_default_background_is_a_light_grey(tmp_path: Path) -> None:
-    embeddings = train_nerf.load_embeddings(write_embeddings(tmp_path / "e.npz"))
+    embeddings = load_embeddings(write_embeddings(tmp_path / "e.npz"))
     values = arrays.unpack((tmp_path / "e.npz").read_bytes())
     assert embeddings.backgrounds is not None
     np.testing.assert_array_equal(embeddings.backgrounds[0], values["backgrounds"][6])
@@ -163,7 +165,7 @@ def test_preview_uses_the_bundles_colours_or_three_channels(bundle: Path) -> Non
     latents = np.zeros((2, 4, 5, 5), np.float32)
     latents[1, 0] = 1
     views = Views(latents, np.full((2, 5, 5), 0.5, np.float32), np.zeros((2, 5, 5), np.float32))
-    picture = np.asarray(train_nerf.preview(views, open_bundle(bundle)))
+    picture = np.asarray(latent_preview(views.latents, views.opacity, open_bundle(bundle)))
     grey, tinted = picture[2, 2] / 255, picture[2, 22] / 255
     np.testing.assert_allclose(grey, 0.5, atol=0.01)
     np.testing.assert_allclose(

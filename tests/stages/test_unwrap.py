@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 from pipeline.errors import InputError
 from pipeline.scene.mesh import Mesh
 from pipeline.scene.texture import surface_texels
-from pipeline.stages.unwrap import unwrap_mesh, uv_figures
+from pipeline.scene.unwrapping import unwrap_mesh, uv_figures
 from tests import shapes
 
 

@@ -1,0 +1,38 @@
+# What both chains share: where the model is, and how a stage is called.
+# update(): Snakemake leaves an existing output alone, so that a stage that finds it valid can keep it.
+import os
+import sys
+from urllib.parse import unquote
+
+
+def relative(path):
+    """Relative paths keep this machine's folders out of every entry."""
+    return os.path.relpath(path, unquote(config["run"]))
+
+
+folder = unquote(config["bundle"])
+bundle = relative(folder).replace("{", "{{").replace("}", "}}")  # braces would be wildcards
+described = os.path.exists(os.path.join(folder, "bundle.json"))
+description = {"description": f"{bundle}/bundle.json"} if described else {}
+encodes = os.path.isdir(os.path.join(folder, "vae_encoder"))
+encoder = {"vae_encoder": f"{bundle}/vae_encoder"} if encodes else {}
+
+
+def named_files(wildcards, input, output):
+    return [f"--input={name}={path}" for name, path in input.items()] + [
+        f"--output={name}={path}" for name, path in output.items() if name != "entry"]
+
+
+PYTHON = sys.executable
+STAGE = "exec {PYTHON:q} -m pipeline.stages.{rule} --job job.yaml {params.files:q}"
+
+
+rule all:
+    input: "report.html", "manifest.json"
+
+rule embed:
+    input: **description, text_encoder=f"{bundle}/text_encoder", tokenizer=f"{bundle}/tokenizer", **encoder
+    output: embeddings=update("embeddings.npz"), entry=update("stages/embed.json")
+    params: files=named_files
+    threads: config["threads"]
+    shell: STAGE

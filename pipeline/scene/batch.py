@@ -1,0 +1,77 @@
+"""What one step of score distillation renders, how it is to be judged, and by whom.
+
+Letters: b cameras a step, h x w latent pixels (square).
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from pipeline.distillation_options import Distillation
+from pipeline.scene.cameras import Camera
+
+
+class Batch(NamedTuple):
+    """What one step renders, and how it is to be judged."""
+
+    cameras: list[Camera]
+    azimuths: Float[np.ndarray, " b"]
+    """[rad], as in `cameras.orbit_camera`."""
+    polars: Float[np.ndarray, " b"]
+    """[rad]"""
+    backgrounds: Float[np.ndarray, "b 4"] | None
+    """Flat latents behind each view; None: the scene's own learned background."""
+    noise_levels: Float[np.ndarray, " b"]
+    """Timesteps as a share of the schedule, in [0, 1]."""
+    noise: Float[np.ndarray, "b 4 h w"]
+    guidance_scale: float
+
+
+Guidance = Callable[[Float[np.ndarray, "b 4 h w"], Batch], Float[np.ndarray, "b 4 h w"]]
+"""Rendered latents and their batch -> the gradient by those latents, summed over pixels, for each view."""
+
+
+def make_batch(
+    views: tuple[list[Camera], Float[np.ndarray, " b"], Float[np.ndarray, " b"]],
+    backgrounds: Float[np.ndarray, "b 4"] | None,
+    options: Distillation,
+    progress: float,
+    resolution: int,
+    rng: np.random.Generator,
+) -> Batch:
+    """Return views (cameras, azimuths and polar angles) with the noise of the step at `progress` in [0, 1].
+
+    Noise levels are stratified over the views (one in each of b equal parts of the range, in random order).
+    """
+    cameras, azimuths, polars = views
+    count = len(cameras)
+    top = _ramp(options.timestep_max, options.timestep_max_end, progress)
+    strata = (rng.permutation(count) + rng.random(count)) / count
+    levels = options.timestep_min + (top - options.timestep_min) * strata
+    noise = rng.standard_normal((count, 4, resolution, resolution), np.float32)
+    scale = _ramp(options.guidance_scale, options.guidance_scale_end, progress)
+    return Batch(cameras, azimuths, polars, backgrounds, levels, noise, scale)
+
+
+def require_finite(name: str, values: Tensor | np.ndarray | None, step: int) -> None:
+    """Raise FloatingPointError with the tensor's name and the step if it holds a NaN or an infinity."""
+    if values is None:
+        return
+    tensor = values.detach() if isinstance(values, Tensor) else torch.from_numpy(values)
+    # A sum with a NaN or an infinity in it is not finite; one without can still overflow, so look again.
+    if math.isfinite(float(tensor.sum())):
+        return
+    bad = int((~torch.isfinite(tensor)).sum())
+    if bad:
+        raise FloatingPointError(
+            f"{name} holds {bad} NaN or infinite values of {tensor.numel()} at step {step}"
+        )
+
+
+def _ramp(start: float, end: float, progress: float) -> float:
+    return start + (end - start) * progress

@@ -1,0 +1,61 @@
+"""Stage `bake_paint`: from painted latents to the colours of the texture, or of the faces."""
+
+from __future__ import annotations
+
+import numpy as np
+from PIL import Image
+
+from pipeline.diffusion.sessions import vae_decoder
+from pipeline.errors import InputError
+from pipeline.scene.baking import bake_cameras, bake_texture
+from pipeline.scene.mesh import bounding_radius
+from pipeline.scene.paint_baking import atlas_texture, bake_faces, decoded_views, view_margin
+from pipeline.scene.paint_mesh import load_paint_mesh
+from pipeline.scene.painted import load_painted
+from pipeline.scene.seams import find_seams, seam_jump
+from pipeline.scene.texture import surface_texels
+from pipeline.stage import Context, Progress, execute
+from pipeline.stages.bake import view_resolution
+
+
+def main(context: Context) -> None:
+    options = context.job.bake_paint
+    painted = load_painted(context.inputs["painted"])
+    mesh = load_paint_mesh(context.inputs["mesh"]).scaled(painted.mesh_radius)
+    cameras = bake_cameras(options.views, bounding_radius(mesh))
+    resolution = options.view_resolution or view_resolution(context.inputs.get("description"))
+    metrics = context.metrics
+    if painted.texture is None and options.method == "atlas":
+        raise InputError("bake_paint.method is atlas, but PARAM=face has no atlas: expected views")
+
+    with vae_decoder(context.inputs["vae_decoder"]) as decode:
+        if options.method == "atlas":
+            texture = atlas_texture(painted, mesh, options.texture, decode)
+        else:
+            with Progress("bake_paint", len(cameras), "views") as progress:
+                views = decoded_views(painted, mesh, cameras, resolution, decode, progress.update)
+            margin = view_margin(len(views[0]), resolution)
+            metrics.update(view_resolution=resolution, view_pixels=len(views[0]))
+            if painted.texture is None:
+                texture, figures = bake_faces(mesh, cameras, views, margin)
+            else:
+                texture, figures = bake_texture(mesh, cameras, views, options.texture, margin, two_sided=True)
+            metrics.update(figures)
+    metrics["method"] = options.method
+    if painted.texture is None:
+        texture = texture[None]  # a strip, a pixel a face
+    else:
+        seams = find_seams(mesh)
+        metrics.update(
+            texture=options.texture,
+            texture_used=len(surface_texels(mesh, options.texture).place) / options.texture**2,
+            seam_edges=len(seams.length),
+            seam_share=seams.share,
+            seam_error=seam_jump(seams, texture),
+        )
+    picture = Image.fromarray(np.round(np.clip(texture, 0, 1) * 255).astype(np.uint8))
+    picture.save(context.outputs["albedo"], format="PNG", optimize=True)
+
+
+if __name__ == "__main__":
+    execute("bake_paint", main)

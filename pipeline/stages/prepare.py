@@ -1,0 +1,68 @@
+"""Stage `prepare`: the user's mesh, checked, with texture coordinates that can be painted."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pipeline.paint_options import Prepare
+from pipeline.progress import say
+from pipeline.scene.coordinates import make_coordinates
+from pipeline.scene.mesh import Mesh
+from pipeline.scene.mesh_input import read_mesh
+from pipeline.scene.paint_mesh import PaintMesh, save_paint_mesh, to_unit_ball
+from pipeline.scene.topology import topology
+from pipeline.stage import Context, execute
+
+MANY_FACES = 200_000
+"""xatlas merges charts in more than linear time: a million faces take ten minutes."""
+PADDING = 64
+"""Islands lie a 64th of the atlas apart: two texels of a latent texture of 128."""
+
+
+def _coordinates(mesh: Mesh, options: Prepare, warnings: list[str]) -> tuple[Mesh, dict[str, Any]]:
+    """Return the mesh with texture coordinates and figures about them; what the user should hear is added to
+    `warnings`."""
+    wanted = options.resolution // PADDING
+    made, figures = make_coordinates(mesh, options.resolution, wanted, options.uv == "rewrap")
+    if "uv_reason" in figures and mesh.uv is not None:
+        warnings.append(f"the mesh got new texture coordinates; its own are not used: {figures['uv_reason']}")
+    if figures.get("padding", wanted) < wanted:
+        warnings.append(
+            f"{figures['charts']} charts leave room for {figures['padding']} texels of padding instead of "
+            f"{wanted}: colours may bleed between them; raise prepare.resolution and train_paint.texture"
+        )
+    return made, figures
+
+
+def main(context: Context) -> None:
+    options = context.job.prepare
+    given = read_mesh(context.inputs["mesh"])
+    if len(given.faces) > MANY_FACES and context.job.param == "texture":
+        say(f"warning: {len(given.faces)} faces: new texture coordinates may take minutes to hours")
+    unit = to_unit_ball(given, options.up, options.front)
+    mesh = Mesh(unit, given.faces, given.uv, given.uv_faces)
+    warnings: list[str] = context.metrics.setdefault("warnings", [])
+    figures: dict[str, Any] = {}
+    if context.job.param == "face":
+        mesh = mesh._replace(uv=None, uv_faces=None)
+    else:
+        mesh, figures = _coordinates(mesh, options, warnings)
+    save_paint_mesh(
+        context.outputs["mesh"],
+        PaintMesh(
+            given.vertices, mesh.vertices, given.faces, given.part, given.names, mesh.uv, mesh.uv_faces
+        ),
+    )
+    counts = topology(mesh)
+    context.metrics.update(
+        vertices=len(mesh.vertices),
+        faces=len(mesh.faces),
+        parts=len(given.names),
+        manifold=counts.manifold,
+        watertight=counts.closed,
+        **figures,
+    )
+
+
+if __name__ == "__main__":
+    execute("prepare", main)

@@ -1,0 +1,61 @@
+"""Stage `publish_paint`: the files people open, with the geometry that was given."""
+
+from __future__ import annotations
+
+import numpy as np
+from PIL import Image
+
+from pipeline.report.preview import albedo_shade, face_shade, preview, to_bytes
+from pipeline.report.turntable import write_turntable
+from pipeline.scene.gltf import glb_bytes
+from pipeline.scene.paint_mesh import load_paint_mesh
+from pipeline.scene.painted_asset import float32_place, painted_obj, painted_parts
+from pipeline.stage import Context, Progress, execute
+from pipeline.stages.publish import material_text, write_png
+
+
+def main(context: Context) -> None:
+    options = context.job.publish
+    outputs = context.outputs
+    mesh = load_paint_mesh(context.inputs["mesh"])
+    shown = mesh.scaled(1.0)
+    with Image.open(context.inputs["albedo"], formats=["PNG"]) as opened:
+        albedo = opened.convert("RGB")
+    values = np.asarray(albedo, np.float32) / 255
+    colours = values[0] if context.job.param == "face" else None
+
+    place = float32_place(mesh.vertices)
+    parts = painted_parts(mesh, place, colours)
+    png = None
+    if colours is None:
+        write_png(outputs["albedo"], albedo)
+        png = outputs["albedo"].read_bytes()
+        outputs["mtl"].write_text(material_text(outputs["albedo"].name), encoding="ascii")
+    # Both sides of a face show its colour: open surfaces are seen from behind, and windings may be mixed.
+    outputs["glb"].write_bytes(glb_bytes(parts, png, translation=place, double_sided=True))
+    library = outputs["mtl"].name if colours is None else None
+    outputs["obj"].write_text(painted_obj(mesh, library, colours), encoding="utf-8")
+    shade = albedo_shade(shown, values) if colours is None else face_shade(colours)
+    write_png(outputs["preview"], Image.fromarray(to_bytes(preview(shown, shade, options.preview_size))))
+    with Progress("publish_paint", options.turntable_frames, "frames") as progress:
+        write_turntable(
+            outputs["turntable"],
+            shown,
+            shade,
+            options.turntable_size,
+            options.turntable_frames,
+            progress.update,
+        )
+    context.metrics.update(
+        vertices=len(mesh.vertices),
+        vertices_with_seams=sum(len(part.vertices) for part in parts),
+        faces=len(mesh.faces),
+        parts=[part.name for part in parts],
+        translation=list(place),
+        texture=albedo.width if colours is None else 0,
+        bytes={name: path.stat().st_size for name, path in sorted(outputs.items())},
+    )
+
+
+if __name__ == "__main__":
+    execute("publish_paint", main)

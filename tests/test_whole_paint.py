@@ -1,0 +1,145 @@
+"""From a prompt and a mesh to a painted asset through the front door, every real stage, with a tiny model."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from pipeline.files import file_sha256
+from pipeline.scene.mesh_input import read_mesh
+from tests.fake_project import ROOT, clean_environment, kill_group
+from tests.tiny_bundle import write_tiny_bundle
+
+OPTIONS = """
+prepare: {resolution: 128}
+train_paint: {steps: 40, cameras_per_step: 2, views: 8, texture: 32, supersampling: 2, checkpoint_every: 5}
+bake_paint: {views: 6, texture: 128}
+publish: {preview_size: 48, turntable_size: 48, turntable_frames: 6}
+"""
+
+
+def command(folder: Path, mesh: str, out: str, **more: str) -> list[str]:
+    given = {
+        "PROMPT": "a red ball",
+        "MESH": str(folder / mesh),
+        "MODEL": str(folder / "model"),
+        "JOB": str(folder / "job.yaml"),
+        "OUT": str(folder / out),
+        "IN_VENV": sys.executable,
+        "THREADS": "2",
+        **more,
+    }
+    return ["make", "-o", ".venv/.runtime", "run", *(f"{name}={value}" for name, value in given.items())]
+
+
+def make(folder: Path, mesh: str, out: str, **more: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        command(folder, mesh, out, **more),
+        cwd=ROOT,
+        env=clean_environment(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a model, a job, a mesh in two parts and a finished run in `runs`."""
+    folder = tmp_path_factory.mktemp("paint")
+    write_tiny_bundle(folder / "model")
+    (folder / "job.yaml").write_text(OPTIONS)
+    ball, box = trimesh.creation.icosphere(2), trimesh.creation.box((0.5, 0.5, 0.5))
+    box.apply_translation((0.0, 1.2, 0.0))
+    text, start = "", 1
+    for name, part in (("the ball", ball), ("box", box)):
+        text += f"o {name}\n" + "".join(f"v {x!r} {y!r} {z!r}\n" for x, y, z in part.vertices.tolist())
+        text += "".join("f " + " ".join(str(i + start) for i in f) + "\n" for f in part.faces.tolist())
+        start += len(part.vertices)
+    (folder / "a: {mesh} 'x'.obj").write_text(text)
+    result = make(folder, "a: {mesh} 'x'.obj", "runs")
+    assert result.returncode == 0, result.stderr
+    return folder
+
+
+def test_the_asset_is_the_mesh_that_was_given(folder: Path) -> None:
+    given = read_mesh(folder / "a: {mesh} 'x'.obj")
+    latest = folder / "runs" / "latest"
+    scene = trimesh.load_scene(latest / "asset.glb", process=False)
+    assert set(scene.graph.nodes_geometry) == {"the ball", "box"}
+    for name, row in (("the ball", 0), ("box", 1)):
+        part = scene.geometry[scene.graph[name][1]]
+        expected = given.vertices[given.faces[given.part == row]].astype(np.float32)
+        np.testing.assert_array_equal(part.vertices[part.faces].astype(np.float32), expected)
+        assert part.visual.material.baseColorTexture.size == (128, 128)
+    again = read_mesh(latest / "asset.obj")
+    np.testing.assert_array_equal(again.vertices, given.vertices)
+    np.testing.assert_array_equal(again.faces, given.faces)
+    assert again.names == given.names
+
+
+def test_the_manifest_reports_coordinates_coverage_and_seams(folder: Path) -> None:
+    manifest = json.loads((folder / "runs" / "latest" / "manifest.json").read_text())
+    stages = {entry["stage"]: entry["metrics"] for entry in manifest["stages"]}
+    assert list(stages) == ["embed", "prepare", "train_paint", "bake_paint", "publish_paint"]
+    assert stages["prepare"]["uv"] == "new (xatlas)"
+    assert 0.5 < stages["train_paint"]["seen_share"] <= 1
+    baked = stages["bake_paint"]
+    assert 0.5 < baked["texel_coverage"] <= 1
+    assert baked["seam_edges"] > 0
+    assert 0 <= baked["seam_error"] < 0.2
+    assert baked["psnr"] > 15
+
+
+def test_killed_in_training_and_continued_is_the_same_asset(folder: Path) -> None:
+    import time
+
+    process = subprocess.Popen(
+        command(folder, "a: {mesh} 'x'.obj", "killed"),
+        cwd=ROOT, env=clean_environment(), stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        start_new_session=True,
+    )  # fmt: skip
+    deadline = time.monotonic() + 240
+    scratch = folder / "killed" / "latest" / "checkpoints" / "train_paint"
+    while not list(scratch.glob("*.checkpoint")):
+        assert process.poll() is None, "ended before the first checkpoint"
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    kill_group(process)
+    assert not (folder / "killed" / "latest" / "painted.npz").exists(), "killed too late to test anything"
+    result = make(folder, "a: {mesh} 'x'.obj", "killed")
+    assert result.returncode == 0, result.stderr
+    for name in ("painted.npz", "asset.glb", "albedo.png", "preview.png"):
+        one, other = (folder / out / "latest" / name for out in ("killed", "runs"))
+        assert file_sha256(one) == file_sha256(other), name
+
+
+def test_one_colour_a_face_is_exported_as_vertex_colours(folder: Path) -> None:
+    result = make(folder, "a: {mesh} 'x'.obj", "faces", PARAM="face")
+    assert result.returncode == 0, result.stderr
+    latest = folder / "faces" / "latest"
+    assert not (latest / "albedo.png").exists()
+    assert "albedo.png" not in (latest / "report.html").read_text()
+    scene = trimesh.load_scene(latest / "asset.glb", process=False)
+    for part in scene.geometry.values():
+        colours = part.visual.vertex_colors[part.faces]
+        assert (colours == colours[:, :1]).all()
+        assert part.visual.vertex_colors[:, :3].std(axis=0).max() > 1
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [("v 0 0 0\n", "no faces"), ("v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "NaN"), (None, "does not exist")],
+)
+def test_a_mesh_that_cannot_be_painted_is_said_in_one_line(folder: Path, text: str | None, word: str) -> None:
+    if text is not None:
+        (folder / "bad.obj").write_text(text)
+    result = make(folder, "gone.obj" if text is None else "bad.obj", "bad")
+    assert result.returncode != 0
+    errors = [line for line in result.stderr.splitlines() if line.startswith("error: ")]
+    assert len(errors) == 1
+    assert word in errors[0]
