@@ -29,7 +29,7 @@ def uv_fault(mesh: Mesh, resolution: int) -> str:
         return "some are NaN or infinite"
     low, high = float(used.min()), float(used.max())
     if low < -TOLERANCE or high > 1 + TOLERANCE:
-        return f"they run from {low:.3g} to {high:.3g}, outside [0, 1]"
+        return f"they run from {low:.6g} to {high:.6g}, outside [0, 1]"
     edges = used[:, 1:] - used[:, :1]
     flat = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) < 1e-12
     area = face_areas(mesh)
