@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from pipeline import job as jobs
 from pipeline.errors import InputError
-from pipeline.job import Job, TrainNerf, resolve
+from pipeline.job import Job, resolve
+from pipeline.nerf_options import TrainNerf
 from pipeline.options import build, describe
 
 

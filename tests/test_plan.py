@@ -9,7 +9,8 @@ from pipeline import provenance
 from pipeline.chain import Link, read_chain
 from pipeline.estimate import estimate
 from pipeline.files import file_sha256
-from pipeline.job import STAGE_OPTIONS, Bake, Clean, Extract, Job, SketchField, TrainNerf, stage_options
+from pipeline.job import STAGE_OPTIONS, Bake, Clean, Extract, Job, stage_options
+from pipeline.nerf_options import SketchField, TrainNerf
 from pipeline.plan import make_plan
 
 TEXT_STAGES = ["embed", "train_nerf", "extract", "clean", "unwrap", "bake", "publish", "report"]

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pipeline import checkpoint_files
-from pipeline.job import TrainNerf
+from pipeline.nerf_options import TrainNerf
 from pipeline.scene import scene as scenes
 from pipeline.scene.training import State, make_optimizer
 

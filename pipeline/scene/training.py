@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from pipeline.job import TrainNerf
+from pipeline.nerf_options import TrainNerf
 from pipeline.scene import occupancy
 from pipeline.scene.background import FlatBackground, LearnedBackground
 from pipeline.scene.batch import Batch, Guidance, make_batch, require_finite

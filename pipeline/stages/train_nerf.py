@@ -14,7 +14,7 @@ from pipeline.diffusion.bundle import open_bundle
 from pipeline.diffusion.guidance import diffusion_guidance, flat_backgrounds, load_embeddings
 from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.sessions import denoiser
-from pipeline.job import TrainNerf
+from pipeline.nerf_options import TrainNerf
 from pipeline.report.latents import latent_preview
 from pipeline.scene import checkpoint, occupancy
 from pipeline.scene.batch import Guidance

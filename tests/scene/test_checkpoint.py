@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.job import TrainNerf
+from pipeline.nerf_options import TrainNerf
 from pipeline.scene import checkpoint
 from pipeline.scene.scene import to_arrays
 from pipeline.scene.training import State, initial_state

@@ -5,7 +5,7 @@ import pytest
 import torch
 import trimesh
 
-from pipeline.job import TrainNerf
+from pipeline.nerf_options import TrainNerf
 from pipeline.scene.scene import density as scene_density
 from pipeline.scene.shape_loss import LEAST_WEIGHT, LENGTH, nearest_judged, shape_loss
 from pipeline.scene.sketch import Sketch, look_up, solid_cells, volume_iou

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.job import TrainNerf
+from pipeline.nerf_options import TrainNerf
 from pipeline.scene.batch import Batch, require_finite
 from pipeline.scene.cameras import sphere
 from pipeline.scene.rendering import render_views

@@ -8,7 +8,8 @@ import trimesh
 from PIL import Image, ImageDraw
 
 from pipeline.errors import InputError
-from pipeline.job import Job, SketchField
+from pipeline.job import Job
+from pipeline.nerf_options import SketchField
 from pipeline.scene.mesh import read_ply
 from pipeline.scene.sketch import load_sketch, look_up
 from pipeline.stage import Context

@@ -12,7 +12,8 @@ from pipeline import arrays
 from pipeline.diffusion.bundle import open_bundle
 from pipeline.diffusion.guidance import load_embeddings
 from pipeline.errors import InputError
-from pipeline.job import Job, TrainNerf
+from pipeline.job import Job
+from pipeline.nerf_options import TrainNerf
 from pipeline.report.latents import latent_preview
 from pipeline.scene import training
 from pipeline.scene.cameras import sphere
