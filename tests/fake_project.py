@@ -134,7 +134,19 @@ def clean_environment() -> dict[str, str]:
         name: value
         for name, value in os.environ.items()
         if name
-        not in {"MAKEFLAGS", "MAKELEVEL", "MFLAGS", "PROMPT", "JOB", "OUT", "MODEL", "SEED", "QUALITY"}
+        not in {
+            "MAKEFLAGS",
+            "MAKELEVEL",
+            "MFLAGS",
+            "PROMPT",
+            "JOB",
+            "OUT",
+            "MODEL",
+            "SEED",
+            "QUALITY",
+            "MESH",
+            "PARAM",
+        }
     }
 
 
