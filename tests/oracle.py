@@ -11,8 +11,8 @@ from jaxtyping import Float
 
 from pipeline.diffusion.distillation import sds_gradient
 from pipeline.diffusion.schedule import Schedule
+from pipeline.scene.batch import Batch, Guidance
 from pipeline.scene.cameras import Camera, camera_rays
-from pipeline.scene.training import Batch, Guidance
 
 SUPERSAMPLING = 3
 

@@ -74,6 +74,8 @@ def test_obj_keeps_every_digit_and_the_parts(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.faces, mesh.faces)
     np.testing.assert_array_equal(again.part, mesh.part)
     assert again.names == mesh.names
+    assert again.uv is not None
+    assert mesh.uv is not None
     np.testing.assert_allclose(again.uv[again.uv_faces], mesh.uv[mesh.uv_faces], atol=1e-8)
 
 
@@ -81,6 +83,7 @@ def test_a_colour_a_face_is_a_vertex_colour(tmp_path: Path) -> None:
     mesh = two_parts()._replace(uv=None, uv_faces=None)
     colours = np.array([[1, 0, 0], [0.5, 0.5, 0.5], [1, 0, 0]])
     lower, upper = painted_parts(mesh, (0.0, 0.0, 0.0), colours)
+    assert lower.colours is not None
     assert (len(lower.vertices), len(upper.vertices)) == (6, 3)
     np.testing.assert_allclose(lower.colours[lower.faces[1]], 0.214, atol=1e-3)  # linear light
     scene = glb(mesh, colours)

@@ -5,18 +5,11 @@ import pytest
 import torch
 
 from pipeline.job import TrainNerf
+from pipeline.scene.batch import Batch, require_finite
 from pipeline.scene.cameras import sphere
 from pipeline.scene.rendering import render_views
 from pipeline.scene.scene import density
-from pipeline.scene.training import (
-    Batch,
-    binary_entropy,
-    draw_batch,
-    initial_state,
-    require_finite,
-    training_step,
-    unseen_thickness,
-)
+from pipeline.scene.training import binary_entropy, draw_batch, initial_state, training_step, unseen_thickness
 from pipeline.stages.train_nerf import collapse, train
 from tests.oracle import TWO_BALLS, inside, oracle_guidance, picture
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.job import Job, Prepare
+from pipeline.job import Job
+from pipeline.paint_options import Prepare
 from pipeline.scene.coordinates import uv_fault
 from pipeline.scene.mesh import Mesh, face_areas
 from pipeline.scene.paint_mesh import PaintMesh, load_paint_mesh
