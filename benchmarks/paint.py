@@ -6,8 +6,8 @@ baking; `seam_error` is the colour jump across chart borders (root mean square, 
 `paint.png` shows, a row a mesh, a decoded view, that of the projected texture, and that of the decoded atlas.
 
 Meshes come from what is installed: Debian's sweethome3d-furniture, and the Python packages pybullet and
-genesis-world where they are found; others are left out and named in `missing`. STEPS=60 unless said
-otherwise.
+genesis-world where they are found; others are left out and named in `missing`.
+STEPS=60 unless said otherwise.
 """
 
 import dataclasses

@@ -147,6 +147,8 @@ def clean_environment() -> dict[str, str]:
             "QUALITY",
             "SKETCH",
             "SIGMA_S",
+            "MESH",
+            "PARAM",
         }
     }
 

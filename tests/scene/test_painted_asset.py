@@ -83,6 +83,7 @@ def test_a_colour_a_face_is_a_vertex_colour(tmp_path: Path) -> None:
     mesh = two_parts()._replace(uv=None, uv_faces=None)
     colours = np.array([[1, 0, 0], [0.5, 0.5, 0.5], [1, 0, 0]])
     lower, upper = painted_parts(mesh, (0.0, 0.0, 0.0), colours)
+    assert lower.colours is not None
     assert (len(lower.vertices), len(upper.vertices)) == (6, 3)
     assert lower.colours is not None
     np.testing.assert_allclose(lower.colours[lower.faces[1]], 0.214, atol=1e-3)  # linear light

@@ -22,6 +22,8 @@ def ball() -> Mesh:
 def reference(mesh: Mesh, camera: Camera, latents: np.ndarray, background: np.ndarray) -> np.ndarray:
     """Return the view (4, h, w), one sample after another, in float64."""
     fragments = rasterize(camera, mesh.vertices, mesh.faces, SIZE * SAMPLES)
+    assert mesh.uv is not None
+    assert mesh.uv_faces is not None
     grid = latents.astype(np.float64).reshape(TEXTURE, TEXTURE, 4)
     picture = np.zeros((SIZE, SIZE, 4))
     assert mesh.uv is not None
