@@ -35,7 +35,7 @@ def estimate(stage: str, job: Job, latent_size: int, denoiser_megabytes: float) 
     frames = job.publish.turntable_frames * job.publish.turntable_size**2
     costs = {
         "embed": Cost(0.2, 0.0),
-        "sketch": Cost(2 + 1e-5 * job.sketch_field.cells**3, 1e-4 * job.sketch_field.cells**3),
+        "sketch": Cost(0.3 + 6e-6 * job.sketch_field.cells**3, 1e-4 * job.sketch_field.cells**3),
         "train_nerf": Cost(train.steps * (8.4e-8 * samples + 1.26e-4 * denoiser), 150 + 4e-4 * samples),
         "extract": Cost(2e-7 * cells + 0.04 * job.extract.views, 50 + 2e-5 * cells),
         "clean": Cost(0.7 + 7.5e-5 * faces, 0.0),

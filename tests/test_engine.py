@@ -106,7 +106,9 @@ def test_a_sketch_is_tabulated_once_whatever_its_name_and_sigma(project: Project
     after_sketch = ["train_nerf", "extract", "clean", "bake", "publish"]  # the mesh comes out the same
     assert result.returncode == 0, result.stderr
     assert project.ran(result) == ["sketch", *after_sketch]
-    assert project.entry("sketch")["inputs"]["drawing"]["path"] == "../../a 'house'.obj"
+    inputs = project.entry("sketch")["inputs"]
+    assert isinstance(inputs, dict)
+    assert inputs["drawing"]["path"] == "../../a 'house'.obj"
     manifest = json.loads((project.latest / "manifest.json").read_text())
     assert "sketch.npz" in manifest["files"]
     assert manifest["job"]["sketch"] == first.name

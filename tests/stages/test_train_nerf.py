@@ -195,7 +195,7 @@ def agreement(context: Context, sketch: Sketch) -> float:
 def test_a_sketch_shapes_the_scene_as_strictly_as_asked(bundle: Path, bar: Sketch, tmp_path: Path) -> None:
     """The regression test of Sketch-Shape: figures of the day it was written, with room."""
     strict, free = (
-        sketched(tmp_path / f"{sigma}", bundle, bar, shape_sigma=sigma, steps=60) for sigma in (0.05, 1.5)
+        sketched(tmp_path / f"{sigma}", bundle, bar, shape_sigma=sigma, steps=40) for sigma in (0.05, 1.5)
     )
     found = agreement(strict, bar), agreement(free, bar)
     assert found[0] > 0.8
@@ -208,7 +208,7 @@ def test_a_sketch_shapes_the_scene_as_strictly_as_asked(bundle: Path, bar: Sketc
 def test_a_sketched_scene_is_the_same_when_killed_and_resumed(
     bundle: Path, bar: Sketch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = sketched(tmp_path / "whole", bundle, bar, steps=12, checkpoint_every=5)
+    whole = sketched(tmp_path / "whole", bundle, bar, steps=12, checkpoint_every=5, shape_start=5)
     real = training.training_step
 
     def killed(state, *arguments):
@@ -218,8 +218,8 @@ def test_a_sketched_scene_is_the_same_when_killed_and_resumed(
 
     monkeypatch.setattr(train_nerf, "training_step", killed)
     with pytest.raises(KeyboardInterrupt):
-        sketched(tmp_path / "killed", bundle, bar, steps=12, checkpoint_every=5)
+        sketched(tmp_path / "killed", bundle, bar, steps=12, checkpoint_every=5, shape_start=5)
     monkeypatch.undo()
-    again = sketched(tmp_path / "killed", bundle, bar, steps=12, checkpoint_every=5)
+    again = sketched(tmp_path / "killed", bundle, bar, steps=12, checkpoint_every=5, shape_start=5)
     assert again.metrics["resumed_at"] == 5
     assert again.outputs["scene"].read_bytes() == whole.outputs["scene"].read_bytes()
