@@ -42,7 +42,7 @@ def estimate(stage: str, job: Job, latent_size: int, denoiser_megabytes: float) 
         "unwrap": Cost(0.4 + 2e-4 * faces, 0.0),
         "bake": Cost(job.bake.views * (0.02 + 1.8e-5 * views**2), 50 + 1e-4 * texels),
         "publish": Cost(0.8 + 2e-7 * frames, 0.0),
-        "prepare": Cost(1.0, 50.0),
+        "prepare": Cost(3.0, 50.0),
         "train_paint": Cost(
             0.5 + 2e-4 * paint.views * paint_side + paint.steps * (0.002 + 1.26e-4 * paint_denoiser),
             150 + 3e-4 * paint.views * paint_side**2,

@@ -48,9 +48,10 @@ def parse_obj(path: Path) -> ObjArrays:
         text = path.read_text(encoding="utf-8", errors="replace")
         for line in text.replace("\\\n", " ").split("\n"):
             number += 1
-            key, _, rest = line.strip().partition(" ")
+            key, rest = (line.split(maxsplit=1) + ["", ""])[:2]
             if key == "v":
-                vertices.append([float(word) for word in rest.split()[:3]])
+                x, y, z = rest.split()[:3]
+                vertices.append([float(x), float(y), float(z)])
             elif key == "vt":
                 uv.append([float(word) for word in (rest.split() + ["0"])[:2]])
             elif key == "f":
@@ -61,6 +62,7 @@ def parse_obj(path: Path) -> ObjArrays:
             elif key in current:
                 current[key] = rest.strip()
         points = np.array(vertices, np.float64).reshape(-1, 3)
+        texture_points = np.array(uv, np.float64).reshape(-1, 2)
     except ValueError as error:
         raise InputError(
             f"{path}: line {number} is no OBJ statement ({error}); expected lines such as v 0 0 1 and "
@@ -76,7 +78,7 @@ def parse_obj(path: Path) -> ObjArrays:
         indices[..., 0],
         np.array([rows[word] for word in words], np.int32),
         names,
-        np.array(uv, np.float64).reshape(-1, 2),
+        texture_points,
         indices[..., 1],
     )
 

@@ -87,7 +87,7 @@ def painted_obj(mesh: PaintMesh, library: str | None, colours: Float[np.ndarray,
         lines += [f"{places[vertex]} {inks[shade]}" for vertex, shade in unique.tolist()]
         corners = inverse.reshape(-1, 3, 1) + 1
     for row, name in enumerate(mesh.names):
-        lines += [f"o {name}", *(["usemtl albedo"] if library else [])]
+        lines += [f"o {' '.join(name.split()) or 'part'}", *(["usemtl albedo"] if library else [])]
         for face in corners[mesh.part == row].tolist():
             lines.append("f " + " ".join("/".join(map(str, corner)) for corner in face))
     return "\n".join(lines) + "\n"

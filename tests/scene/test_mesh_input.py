@@ -54,6 +54,14 @@ def test_obj_keeps_precision_parts_polygons_and_texture_points(tmp_path: Path) -
     assert mesh.uv[mesh.uv_faces[2]].tolist() == [[0, 1], [1, 1], [1, 0]]  # from the bottom to the top
 
 
+def test_obj_with_tabs_comments_continued_lines_and_colours(tmp_path: Path) -> None:
+    text = "v\t0 0 0 1 0 0 # red\r\n  v 1 0 0 1\r\nv 0 1\t0\r\nf\t1// 2// \\\n 3//  # a face\r\nl 1 2\r\n"
+    mesh = read_mesh(save(tmp_path, "a.obj", text))
+    assert mesh.vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    assert mesh.faces.tolist() == [[0, 1, 2]]
+    assert mesh.uv is None
+
+
 def test_obj_with_some_corners_untextured_has_no_texture_points(tmp_path: Path) -> None:
     text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\nf 1 2 3\n"
     mesh = read_mesh(save(tmp_path, "plain.obj", text))
@@ -112,6 +120,7 @@ FAULTS = {
     "words.obj": "v a b c\n",
     "short.obj": "v 1 2\nv 1 2 3\nf 1 2 2\n",
     "texture.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/2\n",
+    "bare.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt\nvt 1 1\nf 1 2 3\n",
     "dot.obj": "v 0 0 0\nf 1 1 1\n",
     "wide.obj": "v 1e200 0 0\nv -1e200 0 0\nv 0 1 0\nf 1 2 3\n",
     "binary.obj": bytes(range(256)),
