@@ -2,7 +2,7 @@
 
     make bench ONLY=sigma-s
 
-The paper's ablation: five values of SIGMA_S, for two prompts and sketches, as a picture (the sketches first) and
+The paper's ablation: five values of SIGMA_S, for two prompts and sketches, as a picture (sketches first) and
 a table. `iou`: intersection over union of asset and sketch in volume; `distance`: mean distance of the
 asset's surface from the sketch's [scene units]; the summary holds the means of the two. Then two prompts with
 and without their sketches. Runs are kept under runs/bench, so that a second call only measures.
