@@ -215,7 +215,8 @@ def test_checkpoints_of_other_inputs_are_not_continued(project: Project) -> None
     (project.root / "fail-train_nerf").write_text("fault")
     project.make("run", PROMPT=PROMPT)
     (project.root / "fail-train_nerf").unlink()
-    assert "train_nerf  run" in (plan := project.make("plan", PROMPT=PROMPT).stdout)
+    plan = project.make("plan", PROMPT=PROMPT).stdout
+    assert ["train_nerf", "run"] in [line.split()[:2] for line in plan.splitlines()]
     assert "continues from its checkpoint" in plan
     (project.root / "pipeline" / "stages" / "tools.py").write_text("UNIT = 3\n")
     project.make("run", PROMPT=PROMPT)
