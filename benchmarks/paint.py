@@ -113,9 +113,7 @@ def paint(mesh: Mesh, prompt: str, job: Job) -> tuple[Painted, dict[str, Any]]:
     state = initial_paint(options, pool, flat_backgrounds(embeddings), job.seed)
     with denoiser(BUNDLE / "unet") as denoise:
         schedule = load_schedule(BUNDLE / "scheduler")
-        guidance = diffusion_guidance(
-            denoise, schedule, embeddings, options.predicted_clean_clamp, options.signal_power
-        )
+        guidance = diffusion_guidance(denoise, schedule, embeddings, options)
         train(state, [], options, pool, guidance)
     latents, figures = complete(scaled, pool.seen, state.colours.detach().numpy(), options.texture)
     return Painted(latents, options.texture, options.mesh_radius), figures

@@ -59,7 +59,7 @@ def estimate(stage: str, job: Job, latent_size: int, denoiser_megabytes: float) 
 
 def _denoiser_work(options: Distillation, megabytes: float, latent_size: int) -> float:
     """Return the work of the denoiser in one step: megabytes of weights times passes times relative area."""
-    passes = 1 if options.guidance_scale == 1 and options.guidance_scale_end in (0, 1) else 2
+    passes = 1 if options.guidance_scale == options.guidance_scale_end == 1 else 3 if options.perp_neg else 2
     return options.cameras_per_step * passes * megabytes * (latent_size / 32) ** 2
 
 

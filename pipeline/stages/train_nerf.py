@@ -110,9 +110,7 @@ def main(context: Context) -> None:
         files.publish([(partial, context.scratch / PREVIEW)])
 
     with denoiser(context.inputs["unet"]) as denoise:
-        guidance = diffusion_guidance(
-            denoise, schedule, embeddings, options.predicted_clean_clamp, options.signal_power
-        )
+        guidance = diffusion_guidance(denoise, schedule, embeddings, options)
         train(
             state,
             history,
