@@ -31,6 +31,7 @@ from pipeline.diffusion.sessions import Decode, denoiser, text_encoder, vae_deco
 from pipeline.diffusion.tokenizer import load_tokenizer
 from pipeline.job import DEFAULT_MODEL, MODELS, Job, resolve
 from pipeline.report.preview import sheet, to_bytes
+from pipeline.scene.background import flat_colours
 from pipeline.scene.baking import bake_cameras, bake_texture
 from pipeline.scene.cameras import ring
 from pipeline.scene.coordinates import make_coordinates
@@ -43,7 +44,7 @@ from pipeline.scene.painting import initial_paint, make_pool
 from pipeline.scene.rasterize import rasterize
 from pipeline.scene.seams import find_seams, seam_jump
 from pipeline.scene.texture import render_texture
-from pipeline.stages.embed import embed_texts, flat_colours, flat_latents
+from pipeline.stages.embed import embed_texts, flat_latents
 from pipeline.stages.train_paint import train
 
 BUNDLE = MODELS / DEFAULT_MODEL

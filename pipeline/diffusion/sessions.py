@@ -36,6 +36,7 @@ Denoise: TypeAlias = Callable[
 ]
 Decode: TypeAlias = Callable[[Float[Array, "b c h w"]], Float[Array, "b H W 3"]]
 Encode: TypeAlias = Callable[[Float[Array, "b H W 3"]], Float[Array, "b c h w"]]
+PullBack: TypeAlias = Callable[[Float[Array, "b H W 3"], Float[Array, "b c h w"]], Float[Array, "b H W 3"]]
 
 _DTYPES = {
     "tensor(float)": np.float32,
@@ -279,3 +280,30 @@ def vae_encoder(folder: Path, latent_scale: float | None = None) -> Iterator[Enc
             return np.stack(latents) * np.float32(scale)
 
         yield encode
+
+
+@contextmanager
+def vae_encoder_vjp(folder: Path, latent_scale: float) -> Iterator[PullBack]:
+    """Give pull_back: images (b, H, W, 3) in [0, 1] and the gradient by their scaled latents (b, c, h, w) ->
+    the gradient by the images.
+
+    The graph is the encoder's input gradient (export/encoder_vjp.py): `sample` in [-1, 1] and `cotangent` in,
+    `gradient` out, one image at a time. `latent_scale`: that of the bundle.
+    """
+    with open_graph(folder) as graph:
+
+        def pull_back(
+            images: Float[Array, "b H W 3"], latent_gradient: Float[Array, "b c h w"]
+        ) -> Float[Array, "b H W 3"]:
+            gradients = []
+            for index in range(len(images)):
+                one = slice(index, index + 1)
+                feeds = {
+                    "sample": images[one].transpose(0, 3, 1, 2) * 2 - 1,
+                    "cotangent": latent_gradient[one] * np.float32(latent_scale),
+                }
+                value = graph.pick(graph.run(feeds), ("gradient",), 4, f" for image {index}")
+                gradients.append(2 * value[0].transpose(1, 2, 0))
+            return np.stack(gradients)
+
+        yield pull_back

@@ -24,8 +24,8 @@ class Batch(NamedTuple):
     """[rad], as in `cameras.orbit_camera`."""
     polars: Float[np.ndarray, " b"]
     """[rad]"""
-    backgrounds: Float[np.ndarray, "b 4"] | None
-    """Flat latents behind each view; None: the scene's own learned background."""
+    backgrounds: Float[np.ndarray, "b c"] | None
+    """Flat latents (or RGB) behind each view; None: the scene's own learned background."""
     noise_levels: Float[np.ndarray, " b"]
     """Timesteps as a share of the schedule, in [0, 1]."""
     noise: Float[np.ndarray, "b 4 h w"]
@@ -34,13 +34,13 @@ class Batch(NamedTuple):
     """Bound on the absolute gradient of every latent; 0: none."""
 
 
-Guidance = Callable[[Float[np.ndarray, "b 4 h w"], Batch], Float[np.ndarray, "b 4 h w"]]
-"""Rendered latents and their batch -> the gradient by those latents, summed over pixels, for each view."""
+Guidance = Callable[[Float[np.ndarray, "b c h w"], Batch], Float[np.ndarray, "b c h w"]]
+"""Rendered latents (c = 4) or RGB and their batch -> the gradient by each view, summed over its pixels."""
 
 
 def make_batch(
     views: tuple[list[Camera], Float[np.ndarray, " b"], Float[np.ndarray, " b"]],
-    backgrounds: Float[np.ndarray, "b 4"] | None,
+    backgrounds: Float[np.ndarray, "b c"] | None,
     options: Distillation,
     progress: float,
     resolution: int,
