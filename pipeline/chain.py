@@ -30,6 +30,7 @@ def snakemake_config(job: Job, run: Path, threads: int = 1) -> dict[str, str | i
     return {
         **{name: quote(str(path.resolve())) for name, path in paths.items()},
         "param": job.param,
+        "refine": int(job.refine),
         "threads": threads,
     }
 

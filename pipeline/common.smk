@@ -14,8 +14,10 @@ folder = unquote(config["bundle"])
 bundle = relative(folder).replace("{", "{{").replace("}", "}}")  # braces would be wildcards
 described = os.path.exists(os.path.join(folder, "bundle.json"))
 description = {"description": f"{bundle}/bundle.json"} if described else {}
-encodes = os.path.isdir(os.path.join(folder, "vae_encoder"))
-encoder = {"vae_encoder": f"{bundle}/vae_encoder"} if encodes else {}
+optional = {name: f"{bundle}/{name}" for name in ("vae_encoder", "vae_encoder_vjp")
+            if os.path.isdir(os.path.join(folder, name))}
+encoder = {name: path for name, path in optional.items() if name == "vae_encoder"}
+refine = bool(config.get("refine"))
 
 
 def named_files(wildcards, input, output):

@@ -2,8 +2,8 @@
 
 A job is resolved from, in rising order of precedence: the defaults below (the paper's values where it gives
 them), the quality table, the ``distillation`` section of the model's bundle.json, the YAML file named by
-JOB, and the environment variables PROMPT, NEGATIVE, MODEL, SEED, QUALITY, SKETCH, SIGMA_S, MESH, PARAM. The
-resolved job is complete: it is what a run's job.yaml holds, and its hash names the run's folder.
+JOB, and the environment variables PROMPT, NEGATIVE, MODEL, SEED, QUALITY, SKETCH, SIGMA_S, REFINE, MESH,
+PARAM. The resolved job is complete: it is what a run's job.yaml holds, and its hash names the run's folder.
 
 This module is imported before anything runs, so it imports nothing heavy.
 """
@@ -20,7 +20,7 @@ import yaml
 
 from pipeline.distillation_options import Distillation
 from pipeline.errors import InputError
-from pipeline.nerf_options import SketchField, TrainNerf
+from pipeline.nerf_options import Refinement, SketchField, TrainNerf
 from pipeline.options import build, check, check_power_of_two, check_text, option, plain, read_yaml, short
 from pipeline.paint_options import BakePaint, Prepare, TrainPaint
 
@@ -100,6 +100,8 @@ class Job:
     quality: Literal["draft", "standard", "high"] = option("standard", "how much work: see the quality table")
     sketch: str = option("", "Sketch-Shape: a mesh or a drawing that guides the shape; empty: none")
     sketch_field: SketchField = field(default_factory=SketchField)
+    refine: bool = option(False, "RGB refinement after the latent training")
+    refinement: Refinement = field(default_factory=Refinement)
     mesh: str = option("", "paint this mesh: a path to an OBJ, PLY, STL, OFF, GLB or glTF file")
     param: Literal["texture", "face"] = option(
         "texture", "how a mesh is painted: with a texture, or with one colour a face (no texture coordinates)"
@@ -127,6 +129,7 @@ class Job:
 QUALITY: dict[str, dict[str, dict[str, Any]]] = {
     "draft": {
         "train_nerf": {"steps": 200, "samples_per_ray": 48},
+        "refinement": {"fit_steps": 30, "steps": 50},
         "extract": {"resolution": 96, "views": 12},
         "clean": {"faces": 8_000},
         "unwrap": {"resolution": 512},
@@ -139,6 +142,7 @@ QUALITY: dict[str, dict[str, dict[str, Any]]] = {
     "standard": {},
     "high": {
         "train_nerf": {"steps": 2000, "samples_per_ray": 96},
+        "refinement": {"fit_steps": 120, "steps": 400},
         "extract": {"resolution": 192, "views": 48},
         "clean": {"faces": 60_000},
         "unwrap": {"resolution": 2048},
@@ -155,6 +159,7 @@ STAGE_OPTIONS: dict[str, tuple[str, ...]] = {
     "embed": ("prompt", "negative"),
     "sketch": ("sketch_field",),
     "train_nerf": ("seed", "train_nerf"),
+    "refine": ("seed", "train_nerf", "refinement"),
     "extract": ("extract",),
     "clean": ("clean",),
     "unwrap": ("unwrap",),
@@ -164,7 +169,7 @@ STAGE_OPTIONS: dict[str, tuple[str, ...]] = {
     "train_paint": ("param", "seed", "train_paint"),
     "bake_paint": ("bake_paint",),
     "publish_paint": ("param", "publish"),
-    "report": ("prompt", "negative", "model", "sketch", "mesh", "seed", "quality"),
+    "report": ("prompt", "negative", "model", "sketch", "refine", "mesh", "seed", "quality"),
 }
 
 
@@ -180,6 +185,8 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
             given[variable.lower()] = environment[variable]
     if environment.get("SEED"):
         given["seed"] = _parse_seed(environment["SEED"])
+    if environment.get("REFINE"):
+        given["refine"] = _parse_switch("REFINE", environment["REFINE"])
     if environment.get("SIGMA_S"):
         section = given.get("train_nerf") or {}
         if isinstance(section, dict):  # if not, `build` says so
@@ -263,6 +270,12 @@ def _parse_seed(text: str) -> int:
     return int(text)
 
 
+def _parse_switch(name: str, text: str) -> bool:
+    if text not in ("0", "1"):
+        raise InputError(f"{name} is {short(text)}, expected 1 (yes) or 0 (no)")
+    return text == "1"
+
+
 def _parse_sigma(text: str) -> float:
     try:
         return float(text)
@@ -273,20 +286,26 @@ def _parse_sigma(text: str) -> float:
 def _bundle_options(folder: Path) -> dict[str, Any]:
     """Return what the bundle recommends, by section of the job.
 
-    Its `distillation` speaks of training a field; painting takes of it what the two share, and `painting`.
+    Its `distillation` speaks of training a field; painting takes of it what the two share, and `painting`;
+    refinement goes on where it ends, but for `refinement`.
     """
     path = folder / "bundle.json"
     if not path.exists():
         return {}
     try:
         described = json.loads(path.read_text(encoding="utf-8"))
-        options, painting = ({**described.get(name, {})} for name in ("distillation", "painting"))
+        options, painting, refinement = (
+            {**described.get(name, {})} for name in ("distillation", "painting", "refinement")
+        )
     except (OSError, ValueError, AttributeError, TypeError) as error:
         raise InputError(
             f"{path} is not a bundle description: {error}; fetch or export the bundle again"
         ) from None
     shared = {spec.name for spec in fields(Distillation)}
-    painting = {**{name: value for name, value in options.items() if name in shared}, **painting}
-    build(TrainNerf, options, str(path))
-    build(TrainPaint, painting, str(path))
-    return {"train_nerf": options, "train_paint": painting}
+    common = {name: value for name, value in options.items() if name in shared}
+    painting = {**common, **painting}
+    last = {name: common[f"{name}_end"] for name in common if f"{name}_end" in common}
+    refinement = {**common, **last, **refinement}
+    for kind, values in ((TrainNerf, options), (TrainPaint, painting), (Refinement, refinement)):
+        build(kind, values, str(path))
+    return {"train_nerf": options, "train_paint": painting, "refinement": refinement}

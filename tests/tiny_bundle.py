@@ -212,6 +212,26 @@ def write_vae(decoder: Path, encoder: Path, *, moments: bool = True) -> None:
     )
 
 
+def write_encoder_vjp(folder: Path) -> None:
+    """Write the input gradient of the linear encoder: every pixel of a block gets a share of the latent's."""
+    inverse = np.linalg.pinv(2 * LATENT_TO_RGB.astype(np.float64))
+    save_graph(
+        folder,
+        """
+        vae_encoder_vjp (float[1, 3, H, W] sample, float[1, 4, height, width] cotangent)
+            => (float[1, 3, H, W] gradient)
+        {
+            small = Conv(cotangent, weight)
+            gradient = Resize<mode = "nearest">(small, , scales)
+            nothing = Identity(sample)
+        }""",
+        {
+            "weight": (inverse.T / FACTOR**2)[:, :, None, None].astype(np.float32),
+            "scales": np.array([1, 1, FACTOR, FACTOR], np.float32),
+        },
+    )
+
+
 def write_tiny_bundle(
     folder: Path,
     *,
@@ -219,12 +239,16 @@ def write_tiny_bundle(
     prediction: str = "v_prediction",
     timestep: str = "int64[batch]",
     distillation: dict[str, Any] | None = None,
+    encoder_vjp: bool = False,
 ) -> Path:
-    """Write the whole bundle and return its folder. `latent_size`: of training, pixels (images: 4 times)."""
+    """Write the whole bundle and return its folder. `latent_size`: of training, pixels (images: 4 times);
+    `encoder_vjp`: with the encoder's input gradient."""
     train_tokenizer(folder / "tokenizer", CAPTIONS, vocabulary_size=600, max_length=WINDOW)
     write_text_encoder(folder / "text_encoder", vocabulary=600)
     write_unet(folder / "unet", prediction=prediction, timestep=timestep)
     write_vae(folder / "vae_decoder", folder / "vae_encoder")
+    if encoder_vjp:
+        write_encoder_vjp(folder / "vae_encoder_vjp")
     write_configs(
         folder,
         latent_size=latent_size,

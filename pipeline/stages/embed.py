@@ -16,6 +16,7 @@ from pipeline.diffusion.onnx_file import read_onnx
 from pipeline.diffusion.prompts import view_suffixes
 from pipeline.diffusion.sessions import Encode, EncodeText, text_encoder, vae_encoder
 from pipeline.diffusion.tokenizer import ClipTokenizer, load_tokenizer, unknown_words
+from pipeline.scene.background import flat_colours
 from pipeline.stage import Context, execute
 
 BACKGROUND_PIXELS = 128
@@ -67,12 +68,6 @@ def embed_texts(
     distinct = list(dict.fromkeys(texts))
     rows = {text: encode_text(tokenizer.encode(text)[None])[0] for text in distinct}
     return np.stack([rows[text] for text in texts])
-
-
-def flat_colours() -> Float32[np.ndarray, "64 3"]:
-    """Return 64 colours evenly over the RGB cube, black, white and greys among them."""
-    steps = np.linspace(0, 1, 4, dtype=np.float32)
-    return np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), -1).reshape(-1, 3)
 
 
 def flat_latents(

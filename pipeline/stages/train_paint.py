@@ -134,9 +134,7 @@ def main(context: Context) -> None:
         checkpoint_files.write(context.scratch, state.step, encode_state(state, history))
 
     with denoiser(context.inputs["unet"]) as denoise:
-        guidance = diffusion_guidance(
-            denoise, schedule, embeddings, options.predicted_clean_clamp, options.signal_power
-        )
+        guidance = diffusion_guidance(denoise, schedule, embeddings, options)
         train(state, history, options, pool, guidance, keep, show)
 
     latents, figures = complete(mesh, pool.seen, state.colours.detach().numpy(), texture)
