@@ -43,6 +43,7 @@ def export_graph(
     check_inputs: Sequence[Mapping[str, torch.Tensor]] = (),
     half_weights: bool = False,
     tolerance: float = 1e-4,
+    reference: torch.nn.Module | None = None,
 ) -> float:
     """Write `module` as `folder/model.onnx` and return its largest difference from torch.
 
@@ -53,14 +54,16 @@ def export_graph(
     `check_inputs`: further inputs to compare on, say of another batch or size.
     `half_weights`: store the weights as fp16 (see above); `module` itself is not changed.
     `tolerance`: largest |onnx - torch| allowed, relative to max(1, max |torch|) of that output.
+    `reference`: compare with this module, of the same arguments, instead of with `module` itself.
     Raises ValueError when the difference is larger or not finite, or a weight does not fit fp16.
     """
-    reference = copy.deepcopy(module).eval().requires_grad_(False)
+    exported = copy.deepcopy(module).eval().requires_grad_(False)
     if half_weights:
-        _round_to_half(reference)
+        round_to_half(exported)
+    reference = exported if reference is None else reference
     with _quiet():
         program = torch.onnx.export(
-            reference,
+            exported,
             kwargs=dict(inputs),
             input_names=list(inputs),
             output_names=list(outputs),
@@ -92,8 +95,11 @@ def export_graph(
     return difference
 
 
-def _round_to_half(module: torch.nn.Module) -> None:
-    """Round the fp32 parameters to fp16 values in place; buffers (tables, statistics) stay as they are."""
+def round_to_half(module: torch.nn.Module) -> None:
+    """Round the fp32 parameters to fp16 values in place; buffers (tables, statistics) stay as they are.
+
+    Raises ValueError when a parameter does not fit fp16.
+    """
     for name, parameter in module.named_parameters():
         if parameter.dtype == torch.float32:
             rounded = parameter.data.half().float()

@@ -36,6 +36,7 @@ Denoise: TypeAlias = Callable[
 ]
 Decode: TypeAlias = Callable[[Float[Array, "b c h w"]], Float[Array, "b H W 3"]]
 Encode: TypeAlias = Callable[[Float[Array, "b H W 3"]], Float[Array, "b c h w"]]
+PullBack: TypeAlias = Callable[[Float[Array, "b H W 3"], Float[Array, "b c h w"]], Float[Array, "b H W 3"]]
 
 _DTYPES = {
     "tensor(float)": np.float32,
@@ -279,3 +280,28 @@ def vae_encoder(folder: Path, latent_scale: float | None = None) -> Iterator[Enc
             return np.stack(latents) * np.float32(scale)
 
         yield encode
+
+
+@contextmanager
+def vae_encoder_vjp(folder: Path, latent_scale: float | None = None) -> Iterator[PullBack]:
+    """Give pull_back: images (b, H, W, 3) in [0, 1], gradient of scaled latents (b, c, h, w) -> of images.
+
+    The input gradient of `vae_encoder` (of its mean) with the same scalings inside, one image at a time.
+    `latent_scale` as in `vae_decoder`. The graph is this project's own (export/encoder_vjp.py).
+    """
+    scale = graph_scale(folder) if latent_scale is None else latent_scale
+    with open_graph(folder) as graph:
+
+        def pull_back(
+            images: Float[Array, "b H W 3"], cotangent: Float[Array, "b c h w"]
+        ) -> Float[Array, "b H W 3"]:
+            gradients = []
+            for index in range(len(images)):
+                image = images[index : index + 1].transpose(0, 3, 1, 2) * 2 - 1
+                outputs = graph.run({"sample": image, "cotangent": cotangent[index : index + 1]})
+                value = graph.pick(outputs, ("gradient",), 4, f" for image {index}")
+                gradients.append(value[0].transpose(1, 2, 0))
+            # The graph takes pictures in [-1, 1], twice as steep, and gives latents without the scale.
+            return np.stack(gradients) * np.float32(2 * scale)
+
+        yield pull_back
