@@ -27,9 +27,7 @@ SHARD_SIZE, HELD_OUT_SIZE = 8000, 1000
 JUDGE_FIRST = 900  # shards from here on are never trained on by the model, only by its judge
 # The cameras of the pipeline (bundle.json hands them on): radius [scene units], angles [deg].
 RADIUS_RANGE, FOV_RANGE = (2.3, 2.7), (37.0, 43.0)
-PROCEDURAL_SHARE = 0.65  # of the pictures of nouns that have both sources
-
-
+PROCEDURAL_SHARE = 0.8  # of the pictures of nouns that have both sources
 REPAINTED_SHARE = 0.4  # of the procedural furniture: in one colour throughout, or in wood
 
 
