@@ -32,7 +32,7 @@ def snakemake_config(job: Job, run: Path, threads: int = 1) -> dict[str, str | i
         **{name: quote(str(path.resolve())) for name, path in paths.items()},
         "param": job.param,
         "refine": int(job.refine),
-        "tokens": tokens,
+        **({"tokens": tokens} if tokens else {}),  # Snakemake takes no empty value
         "threads": threads,
     }
 

@@ -61,6 +61,10 @@ def estimate(stage: str, job: Job, latent_size: int, denoiser_megabytes: float) 
         "bake_paint": Cost(
             paint_views * (0.03 + 1.8e-5 * paint_size**2), 50 + 1e-4 * job.bake_paint.texture**2
         ),
+        "refine_paint": Cost(
+            0.5 + 2e-4 * paint.views * refine_side + refine.steps * (refine_step + pictures),
+            150 + 3e-4 * paint.views * refine_side**2,
+        ),
         "publish_paint": Cost(0.8 + 2e-7 * frames, 0.0),
         "report": Cost(0.3, 0.0),
     }

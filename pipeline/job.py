@@ -170,6 +170,7 @@ STAGE_OPTIONS: dict[str, tuple[str, ...]] = {
     "prepare": ("param", "prepare"),
     "train_paint": ("param", "seed", "train_paint"),
     "bake_paint": ("bake_paint",),
+    "refine_paint": ("param", "seed", "train_paint", "refinement"),
     "publish_paint": ("param", "publish"),
     "report": ("prompt", "negative", "token", "model", "sketch", "refine", "mesh", "seed", "quality"),
 }
@@ -315,7 +316,7 @@ def _bundle_options(folder: Path) -> dict[str, Any]:
     shared = {spec.name for spec in fields(Distillation)}
     common = {name: value for name, value in options.items() if name in shared}
     painting = {**common, **painting}
-    last = {name: common[f"{name}_end"] for name in common if f"{name}_end" in common}
+    last = {name.removesuffix("_end"): v for name, v in common.items() if name.endswith("_end") and v}
     refinement = {**common, **last, **refinement}
     for kind, values in ((TrainNerf, options), (TrainPaint, painting), (Refinement, refinement)):
         build(kind, values, str(path))

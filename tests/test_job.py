@@ -224,3 +224,9 @@ def test_every_stage_declares_fields_that_a_job_has() -> None:
     fields = {field.name for field in dataclasses.fields(Job)}
     declared = {name for names in jobs.STAGE_OPTIONS.values() for name in names}
     assert declared == fields, "every option reaches a stage, and no stage asks for one that is not there"
+
+
+def test_the_examples_are_jobs() -> None:
+    examples = Path(__file__).parents[1] / "examples"
+    job = resolve({"PROMPT": "a brown horse", "NEGATIVE": "a chair", "JOB": str(examples / "two-faced.yaml")})
+    assert (job.train_nerf.view_text, job.train_nerf.perp_neg) == ("interpolated", 1.0)

@@ -96,19 +96,6 @@ def test_the_manifest_tells_the_seconds_and_memory_of_every_stage(folder: Path) 
         assert entry["threads"] == 2
 
 
-def test_refined_goes_on_from_the_trained_scene(folder: Path) -> None:
-    result = make(folder, "runs", REFINE="1")
-    assert result.returncode == 0, result.stderr
-    latest = folder / "runs" / "latest"
-    reused = [line for line in result.stderr.splitlines() if "reused from" in line]
-    assert [line.split(":")[0] for line in reused] == ["embed", "train_nerf"]
-    assert "vae_encoder_vjp" in result.stderr, "the tiny bundle lacks it, which is said"
-    stages = [entry["stage"] for entry in json.loads((latest / "manifest.json").read_text())["stages"]]
-    assert stages == ["embed", "train_nerf", "refine", "extract", "clean", "unwrap", "bake", "publish"]
-    (mesh,) = trimesh.load_scene(latest / "asset.glb").geometry.values()
-    assert mesh.visual.material.baseColorTexture.size == (128, 128)
-
-
 def test_again_is_nothing_and_quick(folder: Path) -> None:
     """Under 5 s on an idle machine; processor time says the same on a busy one."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -172,3 +159,16 @@ def test_termination_stops_everything(folder: Path) -> None:
     assert process.returncode != 0
     assert "the same command goes on from here" in errors
     assert "Traceback" not in errors
+
+
+def test_refined_goes_on_from_the_trained_scene(folder: Path) -> None:
+    result = make(folder, "runs", REFINE="1")
+    assert result.returncode == 0, result.stderr
+    latest = folder / "runs" / "latest"
+    reused = [line for line in result.stderr.splitlines() if "reused from" in line]
+    assert [line.split(":")[0] for line in reused] == ["embed", "train_nerf"]
+    assert "vae_encoder_vjp" in result.stderr, "the tiny bundle lacks it, which is said"
+    stages = [entry["stage"] for entry in json.loads((latest / "manifest.json").read_text())["stages"]]
+    assert stages == ["embed", "train_nerf", "refine", "extract", "clean", "unwrap", "bake", "publish"]
+    (mesh,) = trimesh.load_scene(latest / "asset.glb").geometry.values()
+    assert mesh.visual.material.baseColorTexture.size == (128, 128)
