@@ -2,8 +2,9 @@
 
 A job is resolved from, in rising order of precedence: the defaults below (the paper's values where it gives
 them), the quality table, the ``distillation`` section of the model's bundle.json, the YAML file named by
-JOB, and the environment variables PROMPT, NEGATIVE, MODEL, SEED, QUALITY, SKETCH, SIGMA_S, REFINE, MESH,
-PARAM. The resolved job is complete: it is what a run's job.yaml holds, and its hash names the run's folder.
+JOB, and the environment variables PROMPT, NEGATIVE, TOKEN, MODEL, SEED, QUALITY, SKETCH, SIGMA_S,
+REFINE, MESH, PARAM. The resolved job is complete: it is what a run's job.yaml holds, and its hash names the
+run's folder.
 
 This module is imported before anything runs, so it imports nothing heavy.
 """
@@ -95,6 +96,7 @@ class Job:
 
     prompt: str = option("", "what to make, e.g. a red armchair")
     negative: str = option("", "what to avoid")
+    token: str = option("", "textual inversion: files of learned tokens in the prompt, commas between them")
     model: str = option(DEFAULT_MODEL, "a folder under onnx_models/, or a path to one")
     seed: int = option(0, "seed of every random number", 0, 2**32 - 1)
     quality: Literal["draft", "standard", "high"] = option("standard", "how much work: see the quality table")
@@ -118,7 +120,7 @@ class Job:
 
     def __post_init__(self) -> None:
         check(self)
-        for name in ("prompt", "negative", "sketch", "mesh"):
+        for name in ("prompt", "negative", "token", "sketch", "mesh"):
             check_text(name, getattr(self, name))
         if not self.prompt.strip():
             raise InputError(
@@ -156,7 +158,7 @@ QUALITY: dict[str, dict[str, dict[str, Any]]] = {
 
 # What each stage may read of the job: the options that make up its key. A stage reads nothing else.
 STAGE_OPTIONS: dict[str, tuple[str, ...]] = {
-    "embed": ("prompt", "negative"),
+    "embed": ("prompt", "negative", "token"),
     "sketch": ("sketch_field",),
     "train_nerf": ("seed", "train_nerf"),
     "refine": ("seed", "train_nerf", "refinement"),
@@ -169,7 +171,7 @@ STAGE_OPTIONS: dict[str, tuple[str, ...]] = {
     "train_paint": ("param", "seed", "train_paint"),
     "bake_paint": ("bake_paint",),
     "publish_paint": ("param", "publish"),
-    "report": ("prompt", "negative", "model", "sketch", "refine", "mesh", "seed", "quality"),
+    "report": ("prompt", "negative", "token", "model", "sketch", "refine", "mesh", "seed", "quality"),
 }
 
 
@@ -180,7 +182,7 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
         InputError: an unknown key, a value of the wrong type or out of range, a model that does not exist.
     """
     given: dict[str, Any] = read_yaml(Path(environment["JOB"])) if environment.get("JOB") else {}
-    for variable in ("PROMPT", "NEGATIVE", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM"):
+    for variable in ("PROMPT", "NEGATIVE", "TOKEN", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM"):
         if environment.get(variable):
             given[variable.lower()] = environment[variable]
     if environment.get("SEED"):
@@ -200,10 +202,12 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
         )
     if environment.get("SIGMA_S") and not asked.sketch:
         raise InputError("SIGMA_S is given, but no sketch that it could act on: say SKETCH=file too")
-    if set("{}") & set(asked.sketch):
-        raise InputError(
-            f"SKETCH {short(asked.sketch)} holds a brace, a wildcard to Snakemake: rename the file"
-        )
+    for name, path in (("SKETCH", asked.sketch), ("TOKEN", asked.token)):
+        if set("{}") & set(path):
+            raise InputError(f"{name} {short(path)} holds a brace, a wildcard to Snakemake: rename the file")
+    for file in token_files(asked.token):
+        if not file.is_file():
+            raise InputError(f"TOKEN {short(str(file))} is no file: give the path of a learned embedding")
     if asked.sketch and not Path(asked.sketch).is_file():
         raise InputError(f"SKETCH {short(asked.sketch)} is no file: give the path of a mesh or a drawing")
     if asked.mesh and not Path(asked.mesh).is_file():
@@ -216,6 +220,13 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
         for key, value in layer.items():
             merged[key] = {**merged.get(key, {}), **value} if isinstance(value, dict) else value
     return build(Job, merged, environment.get("JOB") or "")
+
+
+def token_files(given: str) -> list[Path]:
+    """Return the files that TOKEN names: one, or several with commas between them."""
+    if not given.strip() or Path(given).is_file():
+        return [Path(given)] if given.strip() else []
+    return [Path(part.strip()) for part in given.split(",") if part.strip()]
 
 
 def bundle_folder(model: str, models: Path = MODELS) -> Path:

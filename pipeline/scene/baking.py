@@ -68,7 +68,7 @@ def decoded_views(
     rendered = render_views(scene, cameras, resolution, np.zeros(4, np.float32))
     pictures = []
     for done, (latents, opacity) in enumerate(zip(rendered.latents, rendered.opacity, strict=True), 1):
-        latents = extend_foreground(latents, opacity, opacity_masks(opacity)[0])
+        latents = extend_foreground(latents, opacity, opacity_masks(opacity[None])[0][0])
         pictures.append(decode(latents[None])[0])
         tell(done)
     return pictures
@@ -77,7 +77,9 @@ def decoded_views(
 def rgb_views(scene: Scene, cameras: Sequence[Camera], resolution: int) -> list[Float[np.ndarray, "p p 3"]]:
     """Return pictures of an RGB scene, without a background."""
     pairs = zip(*render_rgb(scene, cameras, resolution), strict=True)
-    extended = [extend_foreground(colours, opacity, opacity_masks(opacity)[0]) for colours, opacity in pairs]
+    extended = [
+        extend_foreground(colours, opacity, opacity_masks(opacity[None])[0][0]) for colours, opacity in pairs
+    ]
     return [np.ascontiguousarray(picture.transpose(1, 2, 0).clip(0, 1)) for picture in extended]
 
 

@@ -8,7 +8,7 @@ import torch
 
 from pipeline.nerf_options import Refinement, TrainNerf
 from pipeline.scene import checkpoint
-from pipeline.scene.background import LearnedBackground
+from pipeline.scene.background import FlatBackground, LearnedBackground
 from pipeline.scene.batch import Batch
 from pipeline.scene.cameras import sphere
 from pipeline.scene.linear_rgb import LinearRgb
@@ -65,6 +65,7 @@ def test_it_starts_as_the_linear_map_of_the_latent_scene(scene: Scene) -> None:
     expected = np.einsum("rc,bchw->brhw", MATRIX, latent.latents) + BIAS[:, None, None] * opacity[:, None]
     np.testing.assert_allclose(colours, expected, atol=2e-3)
     assert opacity.max() > 0.9
+    assert isinstance(start.background, FlatBackground)
     torch.testing.assert_close(start.background.colours[0], torch.full((3,), 2 / 3))
 
 
