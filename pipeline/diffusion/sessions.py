@@ -190,13 +190,31 @@ def open_graph(folder: Path, threads: int | None = None) -> Iterator[Graph]:
 
 
 @contextmanager
-def text_encoder(folder: Path) -> Iterator[EncodeText]:
-    """Give encode_text: token ids (b, l) -> last hidden states (b, l, d), one row at a time."""
+def text_encoder(folder: Path, token_embeddings: Float[Array, "n d"] | None = None) -> Iterator[EncodeText]:
+    """Give encode_text: token ids (b, l) -> last hidden states (b, l, d), one row at a time.
+
+    `token_embeddings`: learnt rows after the vocabulary's own; the id vocabulary size + i picks row i.
+    Raises InputError when there are some and the graph cannot take them.
+    """
     with open_graph(folder) as graph:
+        takes_rows = "token_embeddings" in graph.types
+        width = graph.axis("token_embeddings", 1)
+        if token_embeddings is not None and not takes_rows:
+            raise InputError(
+                f"{graph.path}: takes no learnt token (no input token_embeddings); export its checkpoint "
+                "with make export"
+            )
+        if token_embeddings is not None and width not in (None, token_embeddings.shape[1]):
+            raise InputError(
+                f"{graph.path}: its tokens have {width} numbers, the learnt one has "
+                f"{token_embeddings.shape[1]}; use a token learnt for this kind of model"
+            )
+        # A graph has no optional inputs: without a learnt token it gets a row that no id picks.
+        rows = np.zeros((1, width or 1), np.float32) if token_embeddings is None else token_embeddings
 
         def encode_text(input_ids: Int[Array, "b l"]) -> Float[Array, "b l d"]:
-            rows = [graph.run({"input_ids": row[None]}) for row in input_ids]
-            return np.concatenate([graph.pick(row, ("last_hidden_state",), 3) for row in rows])
+            outputs = [graph.run({"input_ids": row[None], "token_embeddings": rows}) for row in input_ids]
+            return np.concatenate([graph.pick(output, ("last_hidden_state",), 3) for output in outputs])
 
         yield encode_text
 
