@@ -40,7 +40,7 @@ def main(context: Context) -> None:
     rendered = render_views(scene, cameras, resolution, np.zeros(4, np.float32))
     pictures = []
     with (
-        vae_decoder(context.inputs["vae_decoder"]) as decode,
+        vae_decoder(context.inputs["vae_decoder"], provider=context.job.provider) as decode,
         Progress("bake", len(cameras), "views") as progress,
     ):
         for done, (latents, opacity) in enumerate(zip(rendered.latents, rendered.opacity, strict=True), 1):
