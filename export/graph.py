@@ -26,7 +26,7 @@ import numpy as np
 import onnx_ir as ir
 import torch
 
-from pipeline.diffusion.sessions import open_graph
+from pipeline.diffusion.graphs import open_graph
 
 OPSET = 20  # from 23 on GroupNormalization is inlined into hundreds of small nodes
 EXTERNAL_BYTES = 1_800_000_000  # a protocol-buffers message ends at 2 GB

@@ -3,8 +3,8 @@
 A job is resolved from, in rising order of precedence: the defaults below (the paper's values where it gives
 them), the quality table, the ``distillation`` section of the model's bundle.json, the YAML file named by
 JOB, and the environment variables PROMPT, NEGATIVE, TOKEN, MODEL, SEED, QUALITY, SKETCH, SIGMA_S,
-REFINE, MESH, PARAM. The resolved job is complete: it is what a run's job.yaml holds, and its hash names the
-run's folder.
+REFINE, MESH, PARAM, PROVIDER. The resolved job is complete: it is what a run's job.yaml holds, and its hash
+names the run's folder.
 
 This module is imported before anything runs, so it imports nothing heavy.
 """
@@ -99,6 +99,9 @@ class Job:
     token: str = option("", "textual inversion: files of learned tokens in the prompt, commas between them")
     model: str = option(DEFAULT_MODEL, "a folder under onnx_models/, or a path to one")
     seed: int = option(0, "seed of every random number", 0, 2**32 - 1)
+    provider: Literal["cpu", "cuda", "tensorrt", "rocm", "migraphx", "openvino", "dml", "coreml"] = option(
+        "cpu", "what onnxruntime runs the model on"
+    )
     quality: Literal["draft", "standard", "high"] = option("standard", "how much work: see the quality table")
     sketch: str = option("", "Sketch-Shape: a mesh or a drawing that guides the shape; empty: none")
     sketch_field: SketchField = field(default_factory=SketchField)
@@ -158,19 +161,19 @@ QUALITY: dict[str, dict[str, dict[str, Any]]] = {
 
 # What each stage may read of the job: the options that make up its key. A stage reads nothing else.
 STAGE_OPTIONS: dict[str, tuple[str, ...]] = {
-    "embed": ("prompt", "negative", "token"),
+    "embed": ("prompt", "negative", "token", "provider"),
     "sketch": ("sketch_field",),
-    "train_nerf": ("seed", "train_nerf"),
-    "refine": ("seed", "train_nerf", "refinement"),
+    "train_nerf": ("seed", "train_nerf", "provider"),
+    "refine": ("seed", "train_nerf", "refinement", "provider"),
     "extract": ("extract",),
     "clean": ("clean",),
     "unwrap": ("unwrap",),
-    "bake": ("bake",),
+    "bake": ("bake", "provider"),
     "publish": ("publish",),
     "prepare": ("param", "prepare"),
-    "train_paint": ("param", "seed", "train_paint"),
-    "bake_paint": ("bake_paint",),
-    "refine_paint": ("param", "seed", "train_paint", "refinement"),
+    "train_paint": ("param", "seed", "train_paint", "provider"),
+    "bake_paint": ("bake_paint", "provider"),
+    "refine_paint": ("param", "seed", "train_paint", "refinement", "provider"),
     "publish_paint": ("param", "publish"),
     "report": ("prompt", "negative", "token", "model", "sketch", "refine", "mesh", "seed", "quality"),
 }
@@ -183,7 +186,8 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
         InputError: an unknown key, a value of the wrong type or out of range, a model that does not exist.
     """
     given: dict[str, Any] = read_yaml(Path(environment["JOB"])) if environment.get("JOB") else {}
-    for variable in ("PROMPT", "NEGATIVE", "TOKEN", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM"):
+    plain = ("PROMPT", "NEGATIVE", "TOKEN", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM", "PROVIDER")
+    for variable in plain:
         if environment.get(variable):
             given[variable.lower()] = environment[variable]
     if environment.get("SEED"):

@@ -1,5 +1,6 @@
 """Every typed function checks its shapes and types while the tests run."""
 
+from hypothesis import settings
 from jaxtyping import install_import_hook
 
 import tests.checker  # noqa: F401 (the hook looks it up by name)
@@ -7,3 +8,6 @@ import tests.checker  # noqa: F401 (the hook looks it up by name)
 # Before any of them is imported. Compiled kernels take plain arrays and are left alone; a job checks itself.
 CHECKED = ["diffusion", "scene", "stages", "report", "stage", "plan", "provenance", "files"]
 install_import_hook([f"pipeline.{name}" for name in CHECKED], "tests.checker.check")
+
+settings.register_profile("no clock", deadline=None)  # a busy machine is no fault
+settings.load_profile("no clock")

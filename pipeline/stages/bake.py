@@ -45,7 +45,7 @@ def main(context: Context) -> None:
             pictures = rgb_views(scene, cameras, resolution)
         else:
             resolution = options.view_resolution or view_resolution(context.inputs.get("description"))
-            with vae_decoder(context.inputs["vae_decoder"]) as decode:
+            with vae_decoder(context.inputs["vae_decoder"], provider=context.job.provider) as decode:
                 pictures = decoded_views(scene, cameras, resolution, decode, progress.update)
     margin = MARGIN * len(pictures[0]) / resolution
     texture, figures = bake_texture(mesh, cameras, pictures, options.texture, margin)

@@ -28,7 +28,7 @@ def main(context: Context) -> None:
     if painted.texture is None and options.method == "atlas":
         raise InputError("bake_paint.method is atlas, but PARAM=face has no atlas: expected views")
 
-    with vae_decoder(context.inputs["vae_decoder"]) as decode:
+    with vae_decoder(context.inputs["vae_decoder"], provider=context.job.provider) as decode:
         if options.method == "atlas":
             texture = atlas_texture(painted, mesh, options.texture, decode)
         else:

@@ -107,7 +107,7 @@ def main(context: Context) -> None:
         context.metrics["tokens"] = {file.name: len(t.vectors) for file, t in zip(files, tokens, strict=True)}
     texts = prepare_texts(prompt, negative, tokenizer, bundle.view_prompts, bundle.known_words)
     context.metrics["warnings"] = texts.warnings
-    with text_encoder(context.inputs["text_encoder"], learned) as encode_text:
+    with text_encoder(context.inputs["text_encoder"], learned, context.job.provider) as encode_text:
         rows = embed_texts([*texts.views, texts.negative], tokenizer, encode_text)
     arrays = {
         "cond": rows[:-1],
@@ -117,7 +117,7 @@ def main(context: Context) -> None:
     }
     if "vae_encoder" in context.inputs:
         arrays["background_rgb"] = flat_colours()
-        with vae_encoder(context.inputs["vae_encoder"]) as encode:
+        with vae_encoder(context.inputs["vae_encoder"], provider=context.job.provider) as encode:
             arrays["backgrounds"] = flat_latents(encode, flat_colours(), _background_size(context, bundle))
     context.outputs["embeddings"].write_bytes(pack(arrays))
 

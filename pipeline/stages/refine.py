@@ -90,7 +90,7 @@ def rgb_guidance(context: Context, bundle: Bundle, decode: Decode) -> Iterator[G
     bundle can, else in the other, which is said."""
     options, inputs = context.job.refinement, context.inputs
     embeddings, schedule = load_embeddings(inputs["embeddings"]), load_schedule(inputs["scheduler"])
-    way = options.gradient
+    scale, provider, way = bundle.latent_scale, context.job.provider, options.gradient
     if way == "encoder" and "vae_encoder_vjp" not in inputs:
         way = "image"
         context.metrics["warnings"].append(
@@ -99,8 +99,8 @@ def rgb_guidance(context: Context, bundle: Bundle, decode: Decode) -> Iterator[G
         )
     context.metrics["gradient"] = way
     with ExitStack() as stack:
-        denoise = stack.enter_context(denoiser(inputs["unet"]))
-        encode = stack.enter_context(vae_encoder(inputs["vae_encoder"], bundle.latent_scale))
+        denoise = stack.enter_context(denoiser(inputs["unet"], provider=provider))
+        encode = stack.enter_context(vae_encoder(inputs["vae_encoder"], scale, provider))
 
         def step(latents: Float[np.ndarray, "b 4 h w"], batch: Batch) -> Any:
             return distil(latents, batch, denoise, schedule, embeddings, options)
@@ -108,7 +108,7 @@ def rgb_guidance(context: Context, bundle: Bundle, decode: Decode) -> Iterator[G
         if way == "image":
             yield image_guidance(step, encode, decode, bundle.image_size)
         else:
-            pull_back = stack.enter_context(vae_encoder_vjp(inputs["vae_encoder_vjp"], bundle.latent_scale))
+            pull_back = stack.enter_context(vae_encoder_vjp(inputs["vae_encoder_vjp"], scale, provider))
             yield encoder_guidance(step, encode, pull_back, bundle.image_size)
 
 
@@ -149,7 +149,7 @@ def main(context: Context) -> None:
         checkpoint.save(context.scratch, state, history)
 
     with (
-        vae_decoder(inputs["vae_decoder"], bundle.latent_scale) as decode,
+        vae_decoder(inputs["vae_decoder"], bundle.latent_scale, job.provider) as decode,
         rgb_guidance(context, bundle, decode) as guidance,
     ):
         fit = picture_guidance(decoded_target(latent, decode, bundle.latent_size, size))

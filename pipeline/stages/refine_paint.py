@@ -103,7 +103,7 @@ def main(context: Context) -> None:
         checkpoint_files.write(context.scratch, state.step, encode_state(state, history))
 
     with (
-        vae_decoder(inputs["vae_decoder"], bundle.latent_scale) as decode,
+        vae_decoder(inputs["vae_decoder"], bundle.latent_scale, job.provider) as decode,
         rgb_guidance(context, bundle, decode) as guidance,
     ):
         train(

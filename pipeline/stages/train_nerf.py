@@ -130,7 +130,7 @@ def main(context: Context) -> None:
         latent_preview(views.latents, views.opacity, bundle).save(partial, format="PNG")
         files.publish([(partial, context.scratch / PREVIEW)])
 
-    with denoiser(context.inputs["unet"]) as denoise:
+    with denoiser(context.inputs["unet"], provider=context.job.provider) as denoise:
         guidance = diffusion_guidance(denoise, schedule, embeddings, options)
         train(
             state,

@@ -132,7 +132,7 @@ def main(context: Context) -> None:
     def keep(state: PaintState, history: History) -> None:
         checkpoint_files.write(context.scratch, state.step, encode_state(state, history))
 
-    with denoiser(context.inputs["unet"]) as denoise:
+    with denoiser(context.inputs["unet"], provider=context.job.provider) as denoise:
         guidance = diffusion_guidance(denoise, schedule, embeddings, options)
         train(state, history, options, pool, guidance, keep, show)
 

@@ -9,14 +9,8 @@ import onnx
 import pytest
 from onnx import numpy_helper
 
-from pipeline.diffusion.sessions import (
-    denoiser,
-    explain_load_error,
-    open_graph,
-    text_encoder,
-    vae_decoder,
-    vae_encoder,
-)
+from pipeline.diffusion.graphs import explain_load_error, open_graph
+from pipeline.diffusion.sessions import denoiser, text_encoder, vae_decoder, vae_encoder
 from pipeline.errors import InputError
 from tests.tiny_bundle import (
     DISC,

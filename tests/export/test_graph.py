@@ -10,7 +10,8 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from export.graph import export_graph
-from pipeline.diffusion.sessions import denoiser, open_graph
+from pipeline.diffusion.graphs import open_graph
+from pipeline.diffusion.sessions import denoiser
 
 AXES = {
     "sample": {0: "batch", 2: "height", 3: "width"},
