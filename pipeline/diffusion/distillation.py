@@ -83,17 +83,19 @@ def sds_gradient(
     at s = 1. `rescale`: in [0, 1], the share of guidance's widening of x0_hat that is taken back.
     `gradient_clip`: bound on every |element| of the gradient; 0 is none. The network runs once, on 2b
     rows (b without guidance, 3b with `opposed`).
-    Raises FloatingPointError when the latents are not finite; the denoiser raises for its own output.
+    Raises FloatingPointError when the latents or the network's output are not finite: a bound would make a
+    number of an infinity.
     """
     if not np.isfinite(latents).all():
         raise FloatingPointError("the rendered latents hold NaN or infinity: the scene has diverged")
     noisy = schedule.add_noise(latents, noise, timesteps)
     if guidance_scale == 1:
-        clean = schedule.to_clean(denoise(noisy, timesteps, cond), noisy, timesteps)
+        clean = schedule.to_clean(_finite(denoise(noisy, timesteps, cond)), noisy, timesteps)
     else:
         texts = [np.broadcast_to(uncond, cond.shape), cond] + ([] if opposed is None else [opposed.text])
         count = len(texts)
-        outputs = denoise(np.tile(noisy, (count, 1, 1, 1)), np.tile(timesteps, count), np.concatenate(texts))
+        feeds = np.tile(noisy, (count, 1, 1, 1)), np.tile(timesteps, count), np.concatenate(texts)
+        outputs = _finite(denoise(*feeds))
         without, told, *against = outputs.reshape(count, *noisy.shape).astype(np.float64)
         direction = told - without
         if opposed is not None:
@@ -124,5 +126,12 @@ def perpendicular(
     return vectors - share * to
 
 
+def _finite(output: Float[np.ndarray, "r c h w"]) -> Float[np.ndarray, "r c h w"]:
+    if bad := int((~np.isfinite(output)).sum()):
+        raise FloatingPointError(f"denoiser output holds {bad} NaN or infinite values of {output.size}")
+    return output
+
+
 def _spread(latents: Float[np.ndarray, "b c h w"]) -> Float[np.ndarray, "b 1 1 1"]:
-    return latents.std((1, 2, 3), keepdims=True)
+    # where a schedule ends in noise alone, predicted latents are too large to be squared in float32
+    return latents.std((1, 2, 3), dtype=np.float64, keepdims=True)

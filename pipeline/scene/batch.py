@@ -15,6 +15,8 @@ from torch import Tensor
 from pipeline.distillation_options import Distillation
 from pipeline.scene.cameras import Camera
 
+_LARGEST_GRADIENT = 1e18
+
 
 class Batch(NamedTuple):
     """What one step renders, and how it is to be judged."""
@@ -75,6 +77,23 @@ def require_finite(name: str, values: Tensor | np.ndarray | None, step: int) -> 
         raise FloatingPointError(
             f"{name} holds {bad} NaN or infinite values of {tensor.numel()} at step {step}"
         )
+
+
+def require_steppable(name: str, gradient: Tensor | None, step: int) -> None:
+    """Raise FloatingPointError unless Adam can take a step along a parameter's gradient.
+
+    It squares the gradient in float32. Where the square overflows, the second moment stays infinite for ever
+    and the parameter never moves again, without any NaN to tell of it.
+    """
+    if gradient is None or not gradient.numel():
+        return
+    largest = float(torch.linalg.vector_norm(gradient, torch.inf))
+    if largest <= _LARGEST_GRADIENT:
+        return
+    require_finite(f"gradient of {name}", gradient, step)
+    raise FloatingPointError(
+        f"gradient of {name} reaches {largest:.1e} at step {step}, more than Adam can square"
+    )
 
 
 def _ramp(start: float, end: float, progress: float) -> float:

@@ -17,7 +17,7 @@ from torch import nn
 
 from pipeline.paint_options import TrainPaint
 from pipeline.scene.background import Background, FlatBackground, LearnedBackground
-from pipeline.scene.batch import Batch, Guidance, make_batch, require_finite
+from pipeline.scene.batch import Batch, Guidance, make_batch, require_finite, require_steppable
 from pipeline.scene.cameras import Camera, camera_rays, sample_cameras
 from pipeline.scene.mesh import Mesh
 from pipeline.scene.view_weights import ViewWeights, seen_columns, view_weights
@@ -133,8 +133,12 @@ def paint_step(
     if behind.requires_grad:
         open_share = np.stack([(1 - view.covered)[..., None] for view in views])
         behind.backward(torch.from_numpy(share.transpose(0, 2, 3, 1) * open_share))
+    parameters = {"colours": state.colours, **dict(state.background.named_parameters("background"))}
+    for name, parameter in parameters.items():
+        require_steppable(name, parameter.grad, state.step)
     state.optimizer.step()
-    require_finite("colours", state.colours, state.step)
+    for name, parameter in parameters.items():
+        require_finite(name, parameter, state.step)
     state.step += 1
     clock.append(time.perf_counter())
 

@@ -19,7 +19,7 @@ from torch import Tensor
 from pipeline.nerf_options import TrainNerf
 from pipeline.scene import occupancy
 from pipeline.scene.background import FlatBackground, LearnedBackground
-from pipeline.scene.batch import Batch, Guidance, make_batch, require_finite
+from pipeline.scene.batch import Batch, Guidance, make_batch, require_finite, require_steppable
 from pipeline.scene.cameras import sample_cameras
 from pipeline.scene.field import FieldShape, LatentField
 from pipeline.scene.rendering import Rays, Seen, behind, make_rays, render_rays
@@ -135,6 +135,8 @@ def training_step(
         scene.occupancy = occupancy.refresh(
             scene.occupancy, lambda x: density(scene, x), scene.step, state.rng, kept
         )
+        # A NaN would empty the grid, and what is not rendered cannot be found faulty.
+        require_finite("density", scene.occupancy.density, step)
     batch = draw_batch(options, progress, noise_size or resolution, scene, state.rng)
     rays = make_rays(batch.cameras, resolution, state.rng)
     clock.append(time.perf_counter())
@@ -169,7 +171,7 @@ def training_step(
 
     parameters = {f"{m}.{n}": p for m, part in scene.modules.items() for n, p in part.named_parameters()}
     for name, parameter in parameters.items():
-        require_finite(f"gradient of {name}", parameter.grad, step)
+        require_steppable(name, parameter.grad, step)
     state.optimizer.step()
     for name, parameter in parameters.items():
         require_finite(name, parameter, step)

@@ -28,6 +28,7 @@ from pipeline.diffusion.rgb_guidance import (
 )
 from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.sessions import Decode, denoiser, vae_decoder, vae_encoder, vae_encoder_vjp
+from pipeline.divergence import explained
 from pipeline.errors import InputError
 from pipeline.job import Job
 from pipeline.scene import checkpoint
@@ -151,6 +152,7 @@ def main(context: Context) -> None:
     with (
         vae_decoder(inputs["vae_decoder"], bundle.latent_scale, job.provider) as decode,
         rgb_guidance(context, bundle, decode) as guidance,
+        explained("refine", "refinement", lambda: state.step, context.scratch),
     ):
         fit = picture_guidance(decoded_target(latent, decode, bundle.latent_size, size))
 

@@ -14,10 +14,11 @@ from pipeline.diffusion.bundle import open_bundle
 from pipeline.diffusion.guidance import diffusion_guidance, flat_backgrounds, load_embeddings
 from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.sessions import denoiser
+from pipeline.divergence import explained
 from pipeline.nerf_options import TrainNerf
 from pipeline.report.latents import latent_preview
 from pipeline.scene import checkpoint, occupancy
-from pipeline.scene.batch import Guidance
+from pipeline.scene.batch import Guidance, require_finite
 from pipeline.scene.cameras import Camera, ring
 from pipeline.scene.rendering import render_views
 from pipeline.scene.scene import Scene, density, save_scene
@@ -78,6 +79,7 @@ def take_steps(
                 show(state.scene)
     scene = state.scene
     scene.occupancy = occupancy.settle(lambda x: density(scene, x), scene.step, state.rng)
+    require_finite("density", scene.occupancy.density, state.step)
 
 
 def preview_cameras(options: TrainNerf) -> list[Camera]:
@@ -130,7 +132,8 @@ def main(context: Context) -> None:
         latent_preview(views.latents, views.opacity, bundle).save(partial, format="PNG")
         files.publish([(partial, context.scratch / PREVIEW)])
 
-    with denoiser(context.inputs["unet"], provider=context.job.provider) as denoise:
+    where = explained("train_nerf", "train_nerf", lambda: state.step, context.scratch)
+    with denoiser(context.inputs["unet"], provider=context.job.provider) as denoise, where:
         guidance = diffusion_guidance(denoise, schedule, embeddings, options)
         train(
             state,

@@ -15,6 +15,7 @@ from pipeline.diffusion.bundle import open_bundle
 from pipeline.diffusion.guidance import diffusion_guidance, flat_backgrounds, load_embeddings
 from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.sessions import denoiser
+from pipeline.divergence import explained
 from pipeline.paint_options import TrainPaint
 from pipeline.report.latents import latent_preview
 from pipeline.scene.batch import Guidance
@@ -132,7 +133,8 @@ def main(context: Context) -> None:
     def keep(state: PaintState, history: History) -> None:
         checkpoint_files.write(context.scratch, state.step, encode_state(state, history))
 
-    with denoiser(context.inputs["unet"], provider=context.job.provider) as denoise:
+    where = explained("train_paint", "train_paint", lambda: state.step, context.scratch)
+    with denoiser(context.inputs["unet"], provider=context.job.provider) as denoise, where:
         guidance = diffusion_guidance(denoise, schedule, embeddings, options)
         train(state, history, options, pool, guidance, keep, show)
 
