@@ -5,10 +5,10 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from pipeline.scene.baking import bake_cameras, bake_texture, decibels, extend_foreground
-from pipeline.scene.cameras import Camera, project
+from pipeline.scene.cameras import Camera, project, ring
 from pipeline.scene.mesh import Mesh, bounding_radius
 from pipeline.scene.rasterize import interpolate, rasterize
-from pipeline.scene.texture import surface_texels
+from pipeline.scene.texture import render_texture, surface_texels
 from pipeline.scene.unwrapping import unwrap_mesh
 from pipeline.stages.bake import view_resolution
 from tests import shapes
@@ -54,6 +54,18 @@ def test_a_known_colour_comes_back_from_its_views(ball: Mesh) -> None:
     assert figures["texel_coverage"] > 0.97
     assert figures["psnr"] > 38
     assert figures["psnr_worst"] <= figures["psnr"]
+
+
+def test_views_that_were_not_baked_look_like_direct_renders(ball: Mesh) -> None:
+    """The textured mesh, drawn from between the cameras, against the colour of every place seen."""
+    cameras = bake_cameras(12, bounding_radius(ball))
+    views = [photograph(ball, camera, 128, 0.0) for camera in cameras]
+    texture, _ = bake_texture(ball, cameras, views, 256, 4.0)
+    for camera in ring(3, 1.3, 2.1, 0.7):
+        fragments = rasterize(camera, ball.vertices, ball.faces, 96)
+        seen = render_texture(fragments, ball, texture)
+        error = (seen - photograph(ball, camera, 96, 0.0))[fragments.mask]
+        assert quality(error) > 35
 
 
 def test_thin_parts_keep_their_colour_against_a_white_background(chair: Mesh) -> None:

@@ -6,6 +6,7 @@ from pipeline.errors import InputError
 from pipeline.scene.mesh import face_areas
 from pipeline.scene.silhouettes import comparison_cameras, mean_iou, silhouettes
 from pipeline.scene.topology import face_components, signed_volumes, topology
+from pipeline.scene.winding import distances
 from pipeline.stages.extract import choose_surface, sample_logarithm, surface
 from tests import shapes
 
@@ -44,6 +45,24 @@ def test_every_part_of_the_analytic_surface_is_found() -> None:
     points = np.stack([ring * np.sin(a), 0.2 * np.sin(b), ring * np.cos(a)], axis=-1).reshape(-1, 3)
     distance, _ = cKDTree(mesh.vertices).query(points)
     assert distance.max() < 2 / 48
+
+
+def test_hausdorff_distance_falls_with_the_square_of_the_cell() -> None:
+    """Both ways: from points all over the surface found to the ball, and from the ball to that surface."""
+    rng = np.random.default_rng(0)
+    truth = rng.normal(size=(5000, 3))
+    truth *= 0.6 / np.linalg.norm(truth, axis=1, keepdims=True)
+    found = []
+    for resolution in (16, 32):
+        mesh = shapes.mesh_of(shapes.ball(0.6), resolution)
+        weights = rng.dirichlet(np.ones(3), (len(mesh.faces), 8))
+        inner = np.einsum("fkc,fcd->fkd", weights, mesh.vertices[mesh.faces].astype(np.float64))
+        points = np.concatenate([mesh.vertices, inner.reshape(-1, 3)])
+        forth = np.abs(np.linalg.norm(points, axis=1) - 0.6).max()
+        back = distances(mesh.vertices.astype(np.float64), mesh.faces, truth).max()
+        found.append(max(forth, back))
+        assert found[-1] < 0.15 * 2 / resolution
+    assert found[1] < found[0] / 2.5
 
 
 def test_an_object_that_touches_the_wall_of_the_box_is_closed_inside_it() -> None:
