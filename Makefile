@@ -2,13 +2,14 @@
 #
 # What a user writes is never executed: each variable below is taken as it stands (value), never expanded, and
 # reaches Python through the environment, so neither make nor the shell nor Snakemake reads it.
-USER_VARIABLES := PROMPT NEGATIVE MODEL SEED QUALITY JOB OUT THREADS PROFILE RUN SKETCH SIGMA_S MESH PARAM REFINE TOKEN ONLY PROVIDER IMAGES NAME
+USER_VARIABLES := PROMPT NEGATIVE MODEL SEED QUALITY JOB OUT THREADS PROFILE RUN SKETCH SIGMA_S MESH PARAM REFINE TOKEN ONLY PROVIDER \
+	IMAGES NAME CHECKPOINT STORAGE SHAPES GRADIENT PREDICTION
 $(foreach name,$(USER_VARIABLES),$(eval override $(name) := $$(value $(name))))
 export $(USER_VARIABLES)
 
 MAKEFLAGS += --no-print-directory
 .DEFAULT_GOAL := help
-.PHONY: help options run plan verify bench learn-token default-model test clean-venv
+.PHONY: help options run plan verify export bench learn-token default-model test clean-venv
 
 PYTHON ?= python3
 IN_VENV := .venv/bin/python
@@ -27,6 +28,9 @@ verify: .venv/.runtime
 
 options: .venv/.runtime
 	@$(IN_VENV) -m pipeline options
+
+export: .venv/.dev
+	@$(IN_VENV) -m export
 
 bench: .venv/.dev
 	@$(IN_VENV) -m benchmarks
@@ -62,4 +66,6 @@ clean-venv:
 
 .venv/.dev: .venv/.runtime pyproject.toml
 	@$(IN_VENV) -m pip install --quiet --editable '.[dev,export]' >&2
+	@# For its file of CLIP's merges alone: its torchvision does not load beside the CPU build of torch.
+	@$(IN_VENV) -m pip install --quiet --no-deps 'open_clip_torch>=3.3,<4' >&2
 	@touch $@

@@ -52,12 +52,13 @@ def export_graph(
     `outputs`: names of the outputs, in order.
     `dynamic_axes`: {input: {axis: name of the size}}, equal names are equal sizes; other axes are fixed.
     `check_inputs`: further inputs to compare on, say of another batch or size.
-    `half_weights`: store the weights as fp16 (see above); `module` itself is not changed.
+    `half_weights`: store the weights as fp16 (see above); the module's own weights are not changed.
     `tolerance`: largest |onnx - torch| allowed, relative to max(1, max |torch|) of that output.
     `reference`: compare with this module, of the same arguments, instead of with `module` itself.
     Raises ValueError when the difference is larger or not finite, or a weight does not fit fp16.
     """
-    exported = copy.deepcopy(module).eval().requires_grad_(False)
+    # A copy only where weights change: a large network twice in memory is more than many machines have.
+    exported = (copy.deepcopy(module) if half_weights else module).eval().requires_grad_(False)
     if half_weights:
         round_to_half(exported)
     reference = exported if reference is None else reference
@@ -74,7 +75,7 @@ def export_graph(
     assert program is not None
     model = program.model
     if half_weights:
-        _store_as_half(model)
+        store_as_half(model)
     _drop_notes(model)
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as scratch:
@@ -108,7 +109,7 @@ def round_to_half(module: torch.nn.Module) -> None:
             parameter.data.copy_(rounded)
 
 
-def _store_as_half(model: ir.Model) -> None:
+def store_as_half(model: ir.Model) -> None:
     """Replace every fp32 initializer that fp16 holds exactly by its fp16 copy and a Cast to fp32."""
     graph = model.graph
     for name, value in list(graph.initializers.items()):

@@ -78,7 +78,7 @@ def export_text_encoder(
         ids = torch.randint(0, module.vocabulary + extra, (count, length), generator=generator)
         # Every row that was appended is picked at least once; the last id is the end of the text.
         ids[:, :extra] = module.vocabulary + torch.arange(extra)
-        ids[:, -1] = getattr(model.config, "eos_token_id", None) or module.vocabulary - 1
+        ids[:, -1] = min(model.config.eos_token_id, module.vocabulary - 1)
         return {"input_ids": ids, "token_embeddings": torch.randn(extra, module.width, generator=generator)}
 
     return export_graph(

@@ -18,7 +18,7 @@ from types import FrameType
 from pipeline import job as jobs
 from pipeline import provenance
 from pipeline.chain import read_chain, snakefile, snakemake_config
-from pipeline.diffusion.bundle import Bundle, open_bundle
+from pipeline.diffusion.bundle import OPTIONAL_GRAPHS, REQUIRED_GRAPHS, Bundle, open_bundle
 from pipeline.errors import InputError
 from pipeline.estimate import Cost, available_memory_mb, estimate
 from pipeline.files import refusal, write_text
@@ -98,7 +98,10 @@ def environment(threads: int, base: Mapping[str, str]) -> dict[str, str]:
 
 
 def _priced(job: Job, bundle: Bundle, steps: list[Step]) -> list[tuple[Step, Cost]]:
-    weights = sum(file.stat().st_size for file in (bundle.path / "unet").rglob("*")) / 2**20
+    graphs = [*REQUIRED_GRAPHS, *OPTIONAL_GRAPHS]
+    weights = {
+        name: sum(file.stat().st_size for file in (bundle.path / name).rglob("*")) / 2**20 for name in graphs
+    }
     return [(step, estimate(step.stage, job, bundle.latent_size, weights)) for step in steps]
 
 

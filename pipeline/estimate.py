@@ -4,6 +4,7 @@ Each figure is a constant plus the work that the options ask for times a rate, m
 bundle on two Zen 5 cores.
 """
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from pipeline.distillation_options import Distillation
@@ -15,13 +16,24 @@ BASE_MB = 450.0
 """Python with torch [MiB]."""
 
 
+HELD = {
+    "embed": ("text_encoder", "vae_encoder"),
+    "train_nerf": ("unet",),
+    "train_paint": ("unet",),
+    "bake": ("vae_decoder",),
+    "bake_paint": ("vae_decoder",),
+}
+"""The networks that a stage opens, one after the other."""
+
+
 class Cost(NamedTuple):
     seconds: float
     memory_mb: float
 
 
-def estimate(stage: str, job: Job, latent_size: int, denoiser_megabytes: float) -> Cost:
-    """Return what a stage costs; `denoiser_megabytes` is the size of the UNet's files: its pace."""
+def estimate(stage: str, job: Job, latent_size: int, weights: Mapping[str, float]) -> Cost:
+    """Return what a stage costs; `weights`: megabytes of each graph's files: memory, and the UNet's pace."""
+    denoiser_megabytes = weights.get("unet", 0.0)
     train, views = job.train_nerf, job.bake.view_resolution or max(latent_size, 64)
     side = train.resolution or latent_size
     samples = train.cameras_per_step * side**2 * train.samples_per_ray
@@ -69,7 +81,10 @@ def estimate(stage: str, job: Job, latent_size: int, denoiser_megabytes: float) 
         "report": Cost(0.3, 0.0),
     }
     cost = costs[stage]
-    return Cost(START + cost.seconds, BASE_MB + cost.memory_mb)
+    # One network is open at a time. It is in memory twice: the file, and what onnxruntime makes of it (of
+    # weights stored as fp16, their fp32 values: twice the file without it).
+    held = 2 * max((weights.get(name, 0.0) for name in HELD.get(stage, ())), default=0.0)
+    return Cost(START + cost.seconds, BASE_MB + cost.memory_mb + held)
 
 
 def _denoiser_work(options: Distillation, megabytes: float, latent_size: int) -> float:

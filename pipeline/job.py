@@ -242,7 +242,9 @@ def bundle_folder(model: str, models: Path = MODELS) -> Path:
     """
     folder = (Path(model) if "/" in model else models / model).absolute()
     if model in ("", ".", "..") or not folder.is_dir():
-        known = sorted(entry.name for entry in models.iterdir() if entry.is_dir()) if models.is_dir() else []
+        entries = models.iterdir() if models.is_dir() else []
+        # A hidden folder is an export that has not ended.
+        known = sorted(entry.name for entry in entries if entry.is_dir() and entry.name[0] != ".")
         raise InputError(
             f"MODEL {model!r} does not exist; there are: {', '.join(known) or 'none'} (in {models.name}/)"
         )

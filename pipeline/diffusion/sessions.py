@@ -35,6 +35,20 @@ Decode: TypeAlias = Callable[[Float[Array, "b c h w"]], Float[Array, "b H W 3"]]
 Encode: TypeAlias = Callable[[Float[Array, "b H W 3"]], Float[Array, "b c h w"]]
 PullBack: TypeAlias = Callable[[Float[Array, "b H W 3"], Float[Array, "b c h w"]], Float[Array, "b H W 3"]]
 
+GUIDANCE_WIDTH, LCM_GUIDANCE = 256, 7.5
+
+
+def guidance_embedding(guidance: float, width: int) -> Float[Array, " w"]:
+    """Return how a latent consistency model is told its guidance w: sines and cosines of 1000 w.
+
+    Luo et al. 2023, "Latent consistency models", section 4.2.
+    Such a model has guidance inside, so train it with guidance_scale 1. As diffusers' pipeline has it, w is
+    the guidance scale less 1: 7.5 is its 8.5.
+    """
+    frequencies = np.exp(-np.log(10000.0) * np.arange(width // 2) / (width // 2 - 1))
+    phases = 1000.0 * guidance * frequencies
+    return np.pad(np.concatenate([np.sin(phases), np.cos(phases)]), (0, width % 2)).astype(np.float32)
+
 
 @contextmanager
 def text_encoder(
@@ -87,6 +101,9 @@ def denoiser(folder: Path, threads: int | None = None, provider: str = "cpu") ->
             if one_timestep:
                 timestep = timestep[:1].reshape((1,) * (graph.rank("timestep") or 0))
             feeds = {"sample": sample[rows], "timestep": timestep, "encoder_hidden_states": text[rows]}
+            if "timestep_cond" in graph.types:
+                width = graph.axis("timestep_cond", 1) or GUIDANCE_WIDTH
+                feeds["timestep_cond"] = np.tile(guidance_embedding(LCM_GUIDANCE, width), (len(rows), 1))
             when = f" at timestep {', '.join(map(str, np.unique(timesteps)))}"
             return graph.pick(graph.run(feeds), ("out_sample", "sample"), 4, when)[: len(sample)]
 

@@ -10,7 +10,7 @@ import pytest
 from onnx import numpy_helper
 
 from pipeline.diffusion.graphs import explain_load_error, open_graph
-from pipeline.diffusion.sessions import denoiser, text_encoder, vae_decoder, vae_encoder
+from pipeline.diffusion.sessions import denoiser, guidance_embedding, text_encoder, vae_decoder, vae_encoder
 from pipeline.errors import InputError
 from tests.tiny_bundle import (
     DISC,
@@ -253,3 +253,11 @@ def test_weights_whose_data_are_short_are_damaged(tmp_path: Path) -> None:
     path.write_bytes(model.SerializeToString())
     with pytest.raises(InputError, match="damaged"), open_graph(tmp_path):
         pass
+
+
+def test_a_latent_consistency_model_is_told_its_guidance() -> None:
+    """Sines then cosines of 1000 w over frequencies from 1 to 1 / 10000, as in diffusers' pipeline."""
+    row = guidance_embedding(0.5, 8)
+    frequencies = 10000.0 ** (-np.arange(4) / 3)
+    np.testing.assert_allclose(row[:4], np.sin(500 * frequencies), atol=1e-5)
+    np.testing.assert_allclose(row[4:], np.cos(500 * frequencies), atol=1e-5)

@@ -1,0 +1,87 @@
+"""The door behind `make export`: all options come from the environment.
+
+CHECKPOINT, NAME, STORAGE=fp32|fp16, SHAPES=free|fixed, GRADIENT=yes|no, PREDICTION=epsilon|v_prediction.
+Exit status: 0, 2 for what the user can mend, 1 for a graph that differs from torch.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from types import FrameType
+
+from pipeline.errors import InputError
+from pipeline.job import MODELS
+
+CHOICES = {
+    "STORAGE": ("fp32", "fp16"),
+    "SHAPES": ("free", "fixed"),
+    "GRADIENT": ("yes", "no"),
+    "PREDICTION": ("", "epsilon", "v_prediction"),
+}
+
+
+def main(environment: Mapping[str, str], models: Path = MODELS) -> int:
+    """Export what the environment names and return the exit status."""
+    # Before diffusers is imported: nothing may be fetched.
+    os.environ["HF_HUB_OFFLINE"] = "1"
+    signal.signal(signal.SIGTERM, _stop)
+    try:
+        chosen = {name: _choice(environment, name) for name in CHOICES}
+        for name in ("CHECKPOINT", "NAME"):
+            if not environment.get(name):
+                raise InputError(
+                    f"{name} is empty: say make export CHECKPOINT=folder-or-file.safetensors NAME=my-model"
+                )
+        if Path(environment["NAME"]).name != environment["NAME"]:
+            raise InputError(f"NAME is {environment['NAME']!r}, expected a name without slashes")
+        path = Path(environment["CHECKPOINT"])
+
+        import diffusers
+        import transformers
+
+        from export.checkpoint import open_folder
+        from export.export_checkpoint import ExportOptions, install_checkpoint
+        from export.single_file import open_single_file
+
+        transformers.utils.logging.set_verbosity_error()
+        transformers.utils.logging.disable_progress_bar()
+        diffusers.utils.logging.set_verbosity_error()
+
+        if not path.exists():
+            raise InputError(
+                f"CHECKPOINT {path} does not exist: give a diffusers folder or a .safetensors file"
+            )
+        checkpoint = open_folder(path) if path.is_dir() else open_single_file(path, chosen["PREDICTION"])
+        options = ExportOptions(
+            half_weights=chosen["STORAGE"] == "fp16",
+            fixed=chosen["SHAPES"] == "fixed",
+            vjp=chosen["GRADIENT"] == "yes",
+        )
+        install_checkpoint(checkpoint, models / environment["NAME"], options)
+    except (InputError, ValueError, NotImplementedError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2 if isinstance(error, InputError) else 1
+    except KeyboardInterrupt:
+        print("stopped; nothing was installed", file=sys.stderr)
+        return 130
+    print(models / environment["NAME"])
+    return 0
+
+
+def _choice(environment: Mapping[str, str], name: str) -> str:
+    value = environment.get(name) or CHOICES[name][0]
+    if value not in CHOICES[name]:
+        raise InputError(f"{name} is {value!r}, expected {' or '.join(filter(None, CHOICES[name]))}")
+    return value
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+if __name__ == "__main__":
+    sys.exit(main(os.environ))
