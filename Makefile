@@ -3,13 +3,13 @@
 # What a user writes is never executed: each variable below is taken as it stands (value), never expanded, and
 # reaches Python through the environment, so neither make nor the shell nor Snakemake reads it.
 USER_VARIABLES := PROMPT NEGATIVE MODEL SEED QUALITY JOB OUT THREADS PROFILE RUN SKETCH SIGMA_S MESH PARAM REFINE TOKEN ONLY PROVIDER \
-	CHECKPOINT NAME STORAGE SHAPES GRADIENT PREDICTION
+	IMAGES NAME CHECKPOINT STORAGE SHAPES GRADIENT PREDICTION
 $(foreach name,$(USER_VARIABLES),$(eval override $(name) := $$(value $(name))))
 export $(USER_VARIABLES)
 
 MAKEFLAGS += --no-print-directory
 .DEFAULT_GOAL := help
-.PHONY: help options run plan verify export bench default-model test clean-venv
+.PHONY: help options run plan verify export bench learn-token default-model test clean-venv
 
 PYTHON ?= python3
 IN_VENV := .venv/bin/python
@@ -34,6 +34,9 @@ export: .venv/.dev
 
 bench: .venv/.dev
 	@$(IN_VENV) -m benchmarks
+
+learn-token: .venv/.dev
+	@$(IN_VENV) -m export.everyday_objects.learn_token
 
 # The bundled model from nothing: about twenty hours of a core; each step goes on where it was stopped.
 default-model: .venv/.dev

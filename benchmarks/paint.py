@@ -31,6 +31,7 @@ from pipeline.diffusion.sessions import Decode, denoiser, text_encoder, vae_deco
 from pipeline.diffusion.tokenizer import load_tokenizer
 from pipeline.job import DEFAULT_MODEL, MODELS, Job, resolve
 from pipeline.report.preview import sheet, to_bytes
+from pipeline.scene.background import flat_colours
 from pipeline.scene.baking import bake_cameras, bake_texture
 from pipeline.scene.cameras import ring
 from pipeline.scene.coordinates import make_coordinates
@@ -43,7 +44,7 @@ from pipeline.scene.painting import initial_paint, make_pool
 from pipeline.scene.rasterize import rasterize
 from pipeline.scene.seams import find_seams, seam_jump
 from pipeline.scene.texture import render_texture
-from pipeline.stages.embed import embed_texts, flat_colours, flat_latents
+from pipeline.stages.embed import embed_texts, flat_latents
 from pipeline.stages.train_paint import train
 
 BUNDLE = MODELS / DEFAULT_MODEL
@@ -113,9 +114,7 @@ def paint(mesh: Mesh, prompt: str, job: Job) -> tuple[Painted, dict[str, Any]]:
     state = initial_paint(options, pool, flat_backgrounds(embeddings), job.seed)
     with denoiser(BUNDLE / "unet") as denoise:
         schedule = load_schedule(BUNDLE / "scheduler")
-        guidance = diffusion_guidance(
-            denoise, schedule, embeddings, options.predicted_clean_clamp, options.signal_power
-        )
+        guidance = diffusion_guidance(denoise, schedule, embeddings, options)
         train(state, [], options, pool, guidance)
     latents, figures = complete(scaled, pool.seen, state.colours.detach().numpy(), options.texture)
     return Painted(latents, options.texture, options.mesh_radius), figures

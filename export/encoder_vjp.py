@@ -118,6 +118,7 @@ def _table() -> dict[Any, Callable[..., Any]]:
     table: dict[Any, Callable[..., Any]] = dict(get_decompositions(list(_DECOMPOSED)))
     table[torch.ops.aten.convolution_backward.default] = _convolution_backward
     table[torch.ops.aten.silu_backward.default] = _silu_backward
+    table[torch.ops.aten.replication_pad2d_backward.default] = _replication_pad2d_backward
     table[torch.ops.aten._safe_softmax.default] = _softmax
     return table
 
@@ -126,6 +127,18 @@ def _silu_backward(gradient: Tensor, value: Tensor) -> Tensor:
     """Return the gradient of x sigmoid(x). torch's decomposition stores ones as large as x."""
     gate = torch.sigmoid(value)
     return gradient * gate * (1 + value * (1 - gate))
+
+
+def _replication_pad2d_backward(gradient: Tensor, sample: Tensor, padding: list[int]) -> Tensor:
+    """Return the gradient of repeating the edge: what fell on the copies belongs to the edge."""
+    left, right, top, bottom = padding
+    for axis, before, after in ((3, left, right), (2, top, bottom)):
+        count = gradient.shape[axis]
+        first = gradient.narrow(axis, 0, before + 1).sum(axis, keepdim=True)
+        last = gradient.narrow(axis, count - after - 1, after + 1).sum(axis, keepdim=True)
+        middle = gradient.narrow(axis, before + 1, count - before - after - 2)
+        gradient = torch.cat([first, middle, last], axis)
+    return gradient
 
 
 def _softmax(scores: Tensor, dim: int, dtype: torch.dtype | None = None) -> Tensor:

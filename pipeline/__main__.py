@@ -1,8 +1,8 @@
 """The front door behind make: ``python -m pipeline run | plan | verify | options``.
 
-Takes everything from the environment (PROMPT, NEGATIVE, MODEL, SEED, QUALITY, SKETCH, SIGMA_S, MESH, PARAM,
-PROVIDER, JOB, OUT, THREADS, PROFILE, RUN), so that no shell ever reads what a user wrote. Exit status: 0, 2
-for what the user can mend, 1 for a fault of the program.
+Takes everything from the environment (PROMPT, NEGATIVE, TOKEN, MODEL, SEED, QUALITY, SKETCH, SIGMA_S, REFINE,
+MESH, PARAM, PROVIDER, JOB, OUT, THREADS, PROFILE, RUN), so that no shell ever reads what a user wrote. Exit
+status: 0, 2 for what the user can mend, 1 for a fault of the program.
 """
 
 import argparse
@@ -17,11 +17,6 @@ from pipeline.errors import InputError
 from pipeline.options import describe
 from pipeline.progress import duration
 from pipeline.verify import verify
-
-LATER = {
-    "REFINE": "RGB refinement",
-    "TOKEN": "textual inversion",
-}
 
 
 def main(arguments: list[str], environment: Mapping[str, str]) -> int:
@@ -48,7 +43,7 @@ def main(arguments: list[str], environment: Mapping[str, str]) -> int:
 
 
 def _run(environment: Mapping[str, str]) -> int:
-    job = _job(environment)
+    job = jobs.resolve(environment)
     run = engine.run_job(job, _out(environment), _threads(environment), environment.get("PROFILE") or "local")
     for name in engine.RESULTS:
         print(run / name)
@@ -56,7 +51,7 @@ def _run(environment: Mapping[str, str]) -> int:
 
 
 def _plan(environment: Mapping[str, str]) -> int:
-    job, out = _job(environment), _out(environment)
+    job, out = jobs.resolve(environment), _out(environment)
     planned = engine.plan_run(job, out)
     print(f"{out / jobs.run_name(job)}")
     print(f"{'stage':<13} {'':<10} {'time':>9} {'memory':>8}  why")
@@ -93,13 +88,6 @@ def _verify(environment: Mapping[str, str]) -> int:
 def _options(environment: Mapping[str, str]) -> int:
     print(describe(jobs.Job))
     return 0
-
-
-def _job(environment: Mapping[str, str]) -> jobs.Job:
-    for variable, feature in LATER.items():
-        if environment.get(variable):
-            raise InputError(f"{variable} is given, but this version has no {feature} yet: leave it out")
-    return jobs.resolve(environment)
 
 
 def _out(environment: Mapping[str, str]) -> Path:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
-from pipeline.job import Job, bundle_folder
+from pipeline.job import Job, bundle_folder, token_files
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,13 @@ def snakemake_config(job: Job, run: Path, threads: int = 1) -> dict[str, str | i
     the files that the user gave. Paths are percent-encoded: Snakemake reads values as YAML, without quotes.
     """
     given = {name: Path(path) for name, path in (("mesh", job.mesh), ("sketch", job.sketch)) if path}
+    tokens = ",".join(quote(str(path.resolve())) for path in token_files(job.token))
     paths = {"run": run, "bundle": bundle_folder(job.model), **given}
     return {
         **{name: quote(str(path.resolve())) for name, path in paths.items()},
         "param": job.param,
+        "refine": int(job.refine),
+        **({"tokens": tokens} if tokens else {}),  # Snakemake takes no empty value
         "threads": threads,
     }
 

@@ -52,6 +52,11 @@ def read_newest(folder: Path, decode: Callable[[dict[str, np.ndarray]], T]) -> t
     return None, damaged
 
 
+def newest(folder: Path) -> Path | None:
+    """Return the file of the latest state, unread; None: there is none."""
+    return next(iter(_newest_first(folder)), None)
+
+
 def adam_arrays(optimizer: torch.optim.Adam) -> dict[str, np.ndarray]:
     """Return the moments and step counts of every parameter that has any, as `adam.<row>.<name>`."""
     parameters = [p for group in optimizer.param_groups for p in group["params"]]

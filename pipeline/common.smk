@@ -14,8 +14,13 @@ folder = unquote(config["bundle"])
 bundle = relative(folder).replace("{", "{{").replace("}", "}}")  # braces would be wildcards
 described = os.path.exists(os.path.join(folder, "bundle.json"))
 description = {"description": f"{bundle}/bundle.json"} if described else {}
-encodes = os.path.isdir(os.path.join(folder, "vae_encoder"))
-encoder = {"vae_encoder": f"{bundle}/vae_encoder"} if encodes else {}
+optional = {name: f"{bundle}/{name}" for name in ("vae_encoder", "vae_encoder_vjp")
+            if os.path.isdir(os.path.join(folder, name))}
+encoder = {name: path for name, path in optional.items() if name == "vae_encoder"}
+# A comma inside a path is percent-encoded.
+tokens = {f"token{i}": relative(unquote(path))
+          for i, path in enumerate(filter(None, str(config.get("tokens", "")).split(",")))}
+refine = bool(config.get("refine"))
 
 
 def named_files(wildcards, input, output):
@@ -31,7 +36,9 @@ rule all:
     input: "report.html", "manifest.json"
 
 rule embed:
-    input: **description, text_encoder=f"{bundle}/text_encoder", tokenizer=f"{bundle}/tokenizer", **encoder
+    input:
+        **description, **encoder, **tokens, text_encoder=f"{bundle}/text_encoder",
+        tokenizer=f"{bundle}/tokenizer"
     output: embeddings=update("embeddings.npz"), entry=update("stages/embed.json")
     params: files=named_files
     threads: config["threads"]

@@ -26,6 +26,24 @@ class Distillation:
     timestep_max_end: float = option(
         0.0, "most noise at the last step (linear in between); 0: as at the first", 0, 1
     )
+    timestep_annealing: Literal["linear", "sqrt"] = option(
+        "linear", "how the most noise falls from the first to the last step; sqrt: quickly at first"
+    )
+    view_text: Literal["bins", "interpolated"] = option(
+        "bins", "words of the nearest named view (the paper), or embeddings mixed by azimuth"
+    )
+    perp_neg: float = option(
+        0.0, "Perp-Neg: weight of the front view's text as a negative, growing to the back; 0: none", 0, 10
+    )
+    guidance_rescale: float = option(
+        0.0, "how far the contrast of the guided prediction is taken back to that of the text's own", 0, 1
+    )
+    gradient_clip: float = option(
+        0.0, "bound on the absolute gradient of every latent at the first step; 0: none", 0, 1000
+    )
+    gradient_clip_end: float = option(
+        0.0, "that bound at the last step (linear in between); 0: as at the first", 0, 1000
+    )
     predicted_clean_clamp: float = option(
         0.0, "bound on the absolute predicted clean latents; 0: none", 0, 1000
     )
@@ -45,12 +63,19 @@ class Distillation:
 
     def __post_init__(self) -> None:
         check(self)
-        for start, end in (("guidance_scale", "guidance_scale_end"), ("timestep_max", "timestep_max_end")):
-            if getattr(self, end) == 0:
-                object.__setattr__(self, end, getattr(self, start))  # frozen, but not yet given to anyone
+        for start in ("guidance_scale", "timestep_max", "gradient_clip"):
+            if getattr(self, f"{start}_end") == 0:
+                # frozen, but not yet given to anyone
+                object.__setattr__(self, f"{start}_end", getattr(self, start))
         if self.timestep_min >= min(self.timestep_max, self.timestep_max_end):
             section = snake(type(self).__name__)
             raise InputError(
                 f"{section}.timestep_min must be below timestep_max and timestep_max_end, "
                 f"found {self.timestep_min} against {self.timestep_max} and {self.timestep_max_end}"
+            )
+        if self.gradient_clip_end > 0 and self.gradient_clip == 0:
+            section = snake(type(self).__name__)
+            raise InputError(
+                f"{section}.gradient_clip_end is {self.gradient_clip_end}, but gradient_clip is 0: "
+                "say where the bound starts"
             )

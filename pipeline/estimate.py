@@ -38,6 +38,13 @@ def estimate(stage: str, job: Job, latent_size: int, weights: Mapping[str, float
     side = train.resolution or latent_size
     samples = train.cameras_per_step * side**2 * train.samples_per_ray
     denoiser = _denoiser_work(train, denoiser_megabytes, latent_size)
+    refine = job.refinement
+    refine_side = refine.resolution or min(2 * latent_size, 128)  # half of an image of four pixels a latent
+    refine_samples = refine.cameras_per_step * refine_side**2 * train.samples_per_ray
+    # The encoder and its gradient, or the decoder: as much as decoding, twice.
+    pictures = refine.cameras_per_step * 1.8e-5 * 2 * latent_size**2
+    refine_step = 8.4e-8 * refine_samples + 1.26e-4 * _denoiser_work(refine, denoiser_megabytes, latent_size)
+    fit_step = 1.2e-7 * refine_samples
     paint, paint_views = job.train_paint, job.bake_paint.views
     paint_side = paint.resolution or latent_size
     paint_denoiser = _denoiser_work(paint, denoiser_megabytes, latent_size)
@@ -49,6 +56,10 @@ def estimate(stage: str, job: Job, latent_size: int, weights: Mapping[str, float
         "embed": Cost(0.2, 0.0),
         "sketch": Cost(0.3 + 6e-6 * job.sketch_field.cells**3, 1e-4 * job.sketch_field.cells**3),
         "train_nerf": Cost(train.steps * (8.4e-8 * samples + 1.26e-4 * denoiser), 150 + 4e-4 * samples),
+        "refine": Cost(
+            refine.steps * (refine_step + pictures) + refine.fit_steps * (fit_step + pictures),
+            150 + 4e-4 * refine_samples,
+        ),
         "extract": Cost(2e-7 * cells + 0.04 * job.extract.views, 50 + 2e-5 * cells),
         "clean": Cost(0.7 + 7.5e-5 * faces, 0.0),
         "unwrap": Cost(0.4 + 2e-4 * faces, 0.0),
@@ -62,6 +73,10 @@ def estimate(stage: str, job: Job, latent_size: int, weights: Mapping[str, float
         "bake_paint": Cost(
             paint_views * (0.03 + 1.8e-5 * paint_size**2), 50 + 1e-4 * job.bake_paint.texture**2
         ),
+        "refine_paint": Cost(
+            0.5 + 2e-4 * paint.views * refine_side + refine.steps * (refine_step + pictures),
+            150 + 3e-4 * paint.views * refine_side**2,
+        ),
         "publish_paint": Cost(0.8 + 2e-7 * frames, 0.0),
         "report": Cost(0.3, 0.0),
     }
@@ -74,7 +89,7 @@ def estimate(stage: str, job: Job, latent_size: int, weights: Mapping[str, float
 
 def _denoiser_work(options: Distillation, megabytes: float, latent_size: int) -> float:
     """Return the work of the denoiser in one step: megabytes of weights times passes times relative area."""
-    passes = 1 if options.guidance_scale == 1 and options.guidance_scale_end in (0, 1) else 2
+    passes = 1 if options.guidance_scale == options.guidance_scale_end == 1 else 3 if options.perp_neg else 2
     return options.cameras_per_step * passes * megabytes * (latent_size / 32) ** 2
 
 

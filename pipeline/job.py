@@ -2,9 +2,9 @@
 
 A job is resolved from, in rising order of precedence: the defaults below (the paper's values where it gives
 them), the quality table, the ``distillation`` section of the model's bundle.json, the YAML file named by
-JOB, and the environment variables PROMPT, NEGATIVE, MODEL, SEED, QUALITY, SKETCH, SIGMA_S, MESH, PARAM,
-PROVIDER. The resolved job is complete: it is what a run's job.yaml holds, and its hash names the run's
-folder.
+JOB, and the environment variables PROMPT, NEGATIVE, TOKEN, MODEL, SEED, QUALITY, SKETCH, SIGMA_S,
+REFINE, MESH, PARAM, PROVIDER. The resolved job is complete: it is what a run's job.yaml holds, and its hash
+names the run's folder.
 
 This module is imported before anything runs, so it imports nothing heavy.
 """
@@ -21,7 +21,7 @@ import yaml
 
 from pipeline.distillation_options import Distillation
 from pipeline.errors import InputError
-from pipeline.nerf_options import SketchField, TrainNerf
+from pipeline.nerf_options import Refinement, SketchField, TrainNerf
 from pipeline.options import build, check, check_power_of_two, check_text, option, plain, read_yaml, short
 from pipeline.paint_options import BakePaint, Prepare, TrainPaint
 
@@ -96,6 +96,7 @@ class Job:
 
     prompt: str = option("", "what to make, e.g. a red armchair")
     negative: str = option("", "what to avoid")
+    token: str = option("", "textual inversion: files of learned tokens in the prompt, commas between them")
     model: str = option(DEFAULT_MODEL, "a folder under onnx_models/, or a path to one")
     seed: int = option(0, "seed of every random number", 0, 2**32 - 1)
     provider: Literal["cpu", "cuda", "tensorrt", "rocm", "migraphx", "openvino", "dml", "coreml"] = option(
@@ -104,6 +105,8 @@ class Job:
     quality: Literal["draft", "standard", "high"] = option("standard", "how much work: see the quality table")
     sketch: str = option("", "Sketch-Shape: a mesh or a drawing that guides the shape; empty: none")
     sketch_field: SketchField = field(default_factory=SketchField)
+    refine: bool = option(False, "RGB refinement after the latent training")
+    refinement: Refinement = field(default_factory=Refinement)
     mesh: str = option("", "paint this mesh: a path to an OBJ, PLY, STL, OFF, GLB or glTF file")
     param: Literal["texture", "face"] = option(
         "texture", "how a mesh is painted: with a texture, or with one colour a face (no texture coordinates)"
@@ -120,7 +123,7 @@ class Job:
 
     def __post_init__(self) -> None:
         check(self)
-        for name in ("prompt", "negative", "sketch", "mesh"):
+        for name in ("prompt", "negative", "token", "sketch", "mesh"):
             check_text(name, getattr(self, name))
         if not self.prompt.strip():
             raise InputError(
@@ -131,6 +134,7 @@ class Job:
 QUALITY: dict[str, dict[str, dict[str, Any]]] = {
     "draft": {
         "train_nerf": {"steps": 200, "samples_per_ray": 48},
+        "refinement": {"fit_steps": 30, "steps": 50},
         "extract": {"resolution": 96, "views": 12},
         "clean": {"faces": 8_000},
         "unwrap": {"resolution": 512},
@@ -143,6 +147,7 @@ QUALITY: dict[str, dict[str, dict[str, Any]]] = {
     "standard": {},
     "high": {
         "train_nerf": {"steps": 2000, "samples_per_ray": 96},
+        "refinement": {"fit_steps": 120, "steps": 400},
         "extract": {"resolution": 192, "views": 48},
         "clean": {"faces": 60_000},
         "unwrap": {"resolution": 2048},
@@ -156,9 +161,10 @@ QUALITY: dict[str, dict[str, dict[str, Any]]] = {
 
 # What each stage may read of the job: the options that make up its key. A stage reads nothing else.
 STAGE_OPTIONS: dict[str, tuple[str, ...]] = {
-    "embed": ("prompt", "negative", "provider"),
+    "embed": ("prompt", "negative", "token", "provider"),
     "sketch": ("sketch_field",),
     "train_nerf": ("seed", "train_nerf", "provider"),
+    "refine": ("seed", "train_nerf", "refinement", "provider"),
     "extract": ("extract",),
     "clean": ("clean",),
     "unwrap": ("unwrap",),
@@ -167,8 +173,9 @@ STAGE_OPTIONS: dict[str, tuple[str, ...]] = {
     "prepare": ("param", "prepare"),
     "train_paint": ("param", "seed", "train_paint", "provider"),
     "bake_paint": ("bake_paint", "provider"),
+    "refine_paint": ("param", "seed", "train_paint", "refinement", "provider"),
     "publish_paint": ("param", "publish"),
-    "report": ("prompt", "negative", "model", "sketch", "mesh", "seed", "quality"),
+    "report": ("prompt", "negative", "token", "model", "sketch", "refine", "mesh", "seed", "quality"),
 }
 
 
@@ -179,11 +186,14 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
         InputError: an unknown key, a value of the wrong type or out of range, a model that does not exist.
     """
     given: dict[str, Any] = read_yaml(Path(environment["JOB"])) if environment.get("JOB") else {}
-    for variable in ("PROMPT", "NEGATIVE", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM", "PROVIDER"):
+    plain = ("PROMPT", "NEGATIVE", "TOKEN", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM", "PROVIDER")
+    for variable in plain:
         if environment.get(variable):
             given[variable.lower()] = environment[variable]
     if environment.get("SEED"):
         given["seed"] = _parse_seed(environment["SEED"])
+    if environment.get("REFINE"):
+        given["refine"] = _parse_switch("REFINE", environment["REFINE"])
     if environment.get("SIGMA_S"):
         section = given.get("train_nerf") or {}
         if isinstance(section, dict):  # if not, `build` says so
@@ -197,10 +207,12 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
         )
     if environment.get("SIGMA_S") and not asked.sketch:
         raise InputError("SIGMA_S is given, but no sketch that it could act on: say SKETCH=file too")
-    if set("{}") & set(asked.sketch):
-        raise InputError(
-            f"SKETCH {short(asked.sketch)} holds a brace, a wildcard to Snakemake: rename the file"
-        )
+    for name, path in (("SKETCH", asked.sketch), ("TOKEN", asked.token)):
+        if set("{}") & set(path):
+            raise InputError(f"{name} {short(path)} holds a brace, a wildcard to Snakemake: rename the file")
+    for file in token_files(asked.token):
+        if not file.is_file():
+            raise InputError(f"TOKEN {short(str(file))} is no file: give the path of a learned embedding")
     if asked.sketch and not Path(asked.sketch).is_file():
         raise InputError(f"SKETCH {short(asked.sketch)} is no file: give the path of a mesh or a drawing")
     if asked.mesh and not Path(asked.mesh).is_file():
@@ -213,6 +225,13 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
         for key, value in layer.items():
             merged[key] = {**merged.get(key, {}), **value} if isinstance(value, dict) else value
     return build(Job, merged, environment.get("JOB") or "")
+
+
+def token_files(given: str) -> list[Path]:
+    """Return the files that TOKEN names: one, or several with commas between them."""
+    if not given.strip() or Path(given).is_file():
+        return [Path(given)] if given.strip() else []
+    return [Path(part.strip()) for part in given.split(",") if part.strip()]
 
 
 def bundle_folder(model: str, models: Path = MODELS) -> Path:
@@ -269,6 +288,12 @@ def _parse_seed(text: str) -> int:
     return int(text)
 
 
+def _parse_switch(name: str, text: str) -> bool:
+    if text not in ("0", "1"):
+        raise InputError(f"{name} is {short(text)}, expected 1 (yes) or 0 (no)")
+    return text == "1"
+
+
 def _parse_sigma(text: str) -> float:
     try:
         return float(text)
@@ -279,20 +304,26 @@ def _parse_sigma(text: str) -> float:
 def _bundle_options(folder: Path) -> dict[str, Any]:
     """Return what the bundle recommends, by section of the job.
 
-    Its `distillation` speaks of training a field; painting takes of it what the two share, and `painting`.
+    Its `distillation` speaks of training a field; painting takes of it what the two share, and `painting`;
+    refinement goes on where it ends, but for `refinement`.
     """
     path = folder / "bundle.json"
     if not path.exists():
         return {}
     try:
         described = json.loads(path.read_text(encoding="utf-8"))
-        options, painting = ({**described.get(name, {})} for name in ("distillation", "painting"))
+        options, painting, refinement = (
+            {**described.get(name, {})} for name in ("distillation", "painting", "refinement")
+        )
     except (OSError, ValueError, AttributeError, TypeError) as error:
         raise InputError(
             f"{path} is not a bundle description: {error}; fetch or export the bundle again"
         ) from None
     shared = {spec.name for spec in fields(Distillation)}
-    painting = {**{name: value for name, value in options.items() if name in shared}, **painting}
-    build(TrainNerf, options, str(path))
-    build(TrainPaint, painting, str(path))
-    return {"train_nerf": options, "train_paint": painting}
+    common = {name: value for name, value in options.items() if name in shared}
+    painting = {**common, **painting}
+    last = {name.removesuffix("_end"): v for name, v in common.items() if name.endswith("_end") and v}
+    refinement = {**common, **last, **refinement}
+    for kind, values in ((TrainNerf, options), (TrainPaint, painting), (Refinement, refinement)):
+        build(kind, values, str(path))
+    return {"train_nerf": options, "train_paint": painting, "refinement": refinement}

@@ -1,8 +1,10 @@
 """Options of a text's own shape: the latent field, and the sketch that may guide it."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 from pipeline.distillation_options import Distillation
+from pipeline.errors import InputError
 from pipeline.options import check, option
 
 
@@ -46,6 +48,33 @@ class TrainNerf(Distillation):
     density_sharpening: float = option(
         1.0, "density multiplier at the end (geometric ramp over the second half)", 1, 1000
     )
+
+
+@dataclass(frozen=True)
+class Refinement(Distillation):
+    """RGB refinement (with REFINE=1); sampling, losses and rates but for these are those of train_nerf."""
+
+    fit_steps: int = option(
+        60, "steps that fit the RGB field to decoded views of the latent one, before distillation", 0, 100_000
+    )
+    steps: int = option(120, "steps of score distillation in RGB", 0, 100_000)
+    resolution: int = option(
+        0, "side of a rendered view [pixels]; 0: half the bundle's image size, at most 128", 0, 1024
+    )
+    gradient: Literal["encoder", "image"] = option(
+        "encoder",
+        "how a picture is told what to become: through the VAE encoder's gradient (where the bundle has "
+        "vae_encoder_vjp), or by the picture decoded from the denoised latents",
+    )
+    learning_rate: float = option(1e-3, "Adam's rate for the small network and the linear layer", 1e-7, 1)
+    grid_learning_rate: float = option(5e-3, "Adam's rate for the hash grid", 1e-7, 1)
+    shading: float = option(0.0, "share of the steps that see the object lit from a random side", 0, 1)
+    ambient: float = option(0.5, "light that comes from everywhere in these steps", 0, 1)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.fit_steps + self.steps == 0:
+            raise InputError("refinement.fit_steps and refinement.steps are 0: expected a step, or REFINE=0")
 
 
 @dataclass(frozen=True)

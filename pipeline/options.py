@@ -1,7 +1,7 @@
 """Typed options: dataclasses whose fields carry a meaning and a range, and their plain YAML form.
 
-Dataclasses may hold dataclasses, one level deep: the sections of a file. Types are str, int, float, a Literal
-of words, and pairs of rising numbers.
+Dataclasses may hold dataclasses, one level deep: the sections of a file. Types are str, int, float, bool, a
+Literal of words, and pairs of rising numbers.
 """
 
 import dataclasses
@@ -138,8 +138,8 @@ def _check_value(name: str, value: Any, hint: Any, metadata: Mapping[str, Any]) 
     high = math.inf if metadata["high"] is None else metadata["high"]
     if typing.get_origin(hint) is Literal:
         good = isinstance(value, str) and value in typing.get_args(hint)
-    elif hint is str:
-        good = isinstance(value, str)
+    elif hint in (str, bool):
+        good = isinstance(value, hint)
     elif hint is int:
         good = isinstance(value, int) and not isinstance(value, bool) and low <= value <= high
     elif hint is float:
@@ -158,8 +158,8 @@ def _check_value(name: str, value: Any, hint: Any, metadata: Mapping[str, Any]) 
 def _allowed(hint: Any, metadata: Mapping[str, Any]) -> str:
     if typing.get_origin(hint) is Literal:
         return " | ".join(typing.get_args(hint))
-    if hint is str:
-        return "text"
+    if hint in (str, bool):
+        return "text" if hint is str else "true | false"
     kind = {int: "a whole number", float: "a number"}.get(hint, "two rising numbers")
     if metadata["low"] is None and metadata["high"] is None:
         return kind

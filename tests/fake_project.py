@@ -70,7 +70,7 @@ class Project:
         self.root = root
         shutil.copytree(ROOT / "pipeline", root / "pipeline", ignore=_everything_heavy)
         (root / "pipeline" / "stages" / "tools.py").write_text("UNIT = 1\n")
-        for name in [*RUN_STAGES[:-1], "sketch"]:
+        for name in [*RUN_STAGES[:-1], "sketch", "refine"]:
             (root / "pipeline" / "stages" / f"{name}.py").write_text(FAKE.format(name=name, steps=STEPS))
         for name in ("Makefile", "pyproject.toml"):
             shutil.copy2(ROOT / name, root / name)
@@ -149,6 +149,9 @@ def clean_environment() -> dict[str, str]:
             "SIGMA_S",
             "MESH",
             "PARAM",
+            "REFINE",
+            "TOKEN",
+            "NEGATIVE",
         }
     }
 

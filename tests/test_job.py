@@ -69,6 +69,17 @@ def test_a_sketch_and_its_sigma_win_over_the_file(models: Path) -> None:
         resolve({"JOB": broken, "SKETCH": broken, "SIGMA_S": "0.05"}, models)
 
 
+def test_refinement_is_asked_for_and_goes_on_where_training_ends(models: Path) -> None:
+    tuned = {"distillation": {"guidance_scale": 20, "guidance_scale_end": 5, "timestep_max_end": 0.4}}
+    (models / "tuned" / "bundle.json").write_text(json.dumps(tuned))
+    base = {"PROMPT": "a cup", "MODEL": "tuned"}
+    job = resolve({**base, "REFINE": "1"}, models)
+    assert (job.refine, job.refinement.guidance_scale, job.refinement.timestep_max) == (True, 5.0, 0.4)
+    assert not resolve({**base, "REFINE": "0", "JOB": write(models, "refine: true")}, models).refine
+    (models / "tuned" / "bundle.json").write_text(json.dumps({**tuned, "refinement": {"steps": 7}}))
+    assert resolve(base, models).refinement.steps == 7
+
+
 @given(prompt=st.text())
 def test_any_prompt_survives_the_file(prompt: str) -> None:
     try:
@@ -120,6 +131,16 @@ def test_the_name_of_a_run_is_the_hash_of_everything_asked_for() -> None:
         ({"train_nerf": {"radius": [1]}}, ["train_nerf.radius"]),
         ({"train_nerf": {"background": "pink"}}, ["train_nerf.background", "random", "learned"]),
         ({"train_nerf": {"timestep_min": 0.99}}, ["timestep_min", "timestep_max"]),
+        ({"refine": 1}, ["refine", "1", "true | false"]),
+        ({"refinement": {"fit_steps": 0, "steps": 0}}, ["refinement", "expected a step"]),
+        ({"refinement": {"gradient": "both"}}, ["refinement.gradient", "encoder | image"]),
+        ({"refinement": {"shading": 2}}, ["refinement.shading", "0", "1"]),
+        ({"train_nerf": {"gradient_clip_end": 2}}, ["gradient_clip_end", "gradient_clip is 0"]),
+        ({"train_nerf": {"gradient_clip": -1}}, ["train_nerf.gradient_clip", "-1", "0", "1000"]),
+        ({"train_nerf": {"guidance_rescale": 1.5}}, ["train_nerf.guidance_rescale", "1.5", "0", "1"]),
+        ({"train_paint": {"perp_neg": 11}}, ["train_paint.perp_neg", "11", "0", "10"]),
+        ({"train_nerf": {"view_text": "none"}}, ["train_nerf.view_text", "bins | interpolated"]),
+        ({"train_nerf": {"timestep_annealing": "cosine"}}, ["timestep_annealing", "linear | sqrt"]),
         ({"seed": -1}, ["seed", "-1", "0", "4294967295"]),
         ({"seed": 2**32}, ["seed", "4294967296"]),
         ({"quality": "best"}, ["quality", "best", "draft", "standard", "high"]),
@@ -157,6 +178,7 @@ def test_errors_name_the_key_the_value_and_what_is_allowed(values: dict[str, Any
         ),
         ({"PROMPT": "x", "SKETCH": __file__, "SIGMA_S": "nan"}, ["train_nerf.shape_sigma", "nan"]),
         ({"PROMPT": "x", "SKETCH": __file__, "SIGMA_S": "o.3"}, ["SIGMA_S", "o.3"]),
+        ({"PROMPT": "x", "REFINE": "yes"}, ["REFINE", "yes", "1", "0"]),
         ({"PROMPT": "x", "MODEL": "none"}, ["MODEL", "none", "plain, tuned"]),
         ({"PROMPT": "x", "MODEL": ".."}, ["MODEL", "plain, tuned"]),
         ({"PROMPT": "x", "JOB": "absent.yaml"}, ["absent.yaml", "No such file"]),
@@ -202,3 +224,9 @@ def test_every_stage_declares_fields_that_a_job_has() -> None:
     fields = {field.name for field in dataclasses.fields(Job)}
     declared = {name for names in jobs.STAGE_OPTIONS.values() for name in names}
     assert declared == fields, "every option reaches a stage, and no stage asks for one that is not there"
+
+
+def test_the_examples_are_jobs() -> None:
+    examples = Path(__file__).parents[1] / "examples"
+    job = resolve({"PROMPT": "a brown horse", "NEGATIVE": "a chair", "JOB": str(examples / "two-faced.yaml")})
+    assert (job.train_nerf.view_text, job.train_nerf.perp_neg) == ("interpolated", 1.0)

@@ -10,7 +10,7 @@ from pipeline.chain import Link, read_chain
 from pipeline.estimate import estimate
 from pipeline.files import file_sha256
 from pipeline.job import STAGE_OPTIONS, Bake, Clean, Extract, Job, stage_options
-from pipeline.nerf_options import SketchField, TrainNerf
+from pipeline.nerf_options import Refinement, SketchField, TrainNerf
 from pipeline.plan import make_plan
 
 TEXT_STAGES = ["embed", "train_nerf", "extract", "clean", "unwrap", "bake", "publish", "report"]
@@ -127,11 +127,26 @@ def test_a_sketch_is_a_stage_of_its_own_and_reaches_the_training(tmp_path: Path)
     assert links["report"].inputs["sketch"] == "stages/sketch.json"
 
 
+def test_refinement_is_a_stage_and_the_rest_works_on_what_it_makes(tmp_path: Path) -> None:
+    for name in ("vae_encoder", "vae_encoder_vjp"):
+        (tmp_path / "model" / name).mkdir(parents=True)
+    job = Job(prompt="x", model=str(tmp_path / "model"), refine=True)
+    links = {link.stage: link for link in read_chain(job, tmp_path / "runs" / "x")}
+    assert list(links) == [*TEXT_STAGES[:2], "refine", *TEXT_STAGES[2:]]
+    assert links["refine"].inputs["vae_encoder_vjp"] == "../../model/vae_encoder_vjp"
+    assert links["refine"].inputs["scene"] == "field.npz"
+    assert links["extract"].inputs["scene"] == links["bake"].inputs["scene"] == "field_rgb.npz"
+    assert "vae_decoder" not in links["bake"].inputs
+    assert links["report"].inputs["refine"] == "stages/refine.json"
+    assert "vae_encoder_vjp" not in links["embed"].inputs
+
+
 def test_estimates_grow_with_the_work() -> None:
     base = JOB
     more = {
         "train_nerf": Job(prompt="x", train_nerf=TrainNerf(steps=base.train_nerf.steps * 2)),
         "sketch": Job(prompt="x", sketch_field=SketchField(cells=base.sketch_field.cells * 2)),
+        "refine": Job(prompt="x", refinement=Refinement(steps=base.refinement.steps * 2)),
         "extract": Job(prompt="x", extract=Extract(resolution=base.extract.resolution * 2)),
         "clean": Job(prompt="x", clean=Clean(faces=base.clean.faces * 2)),
         "bake": Job(prompt="x", bake=Bake(views=base.bake.views * 2)),

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from pipeline.files import file_sha256
 from pipeline.scene.mesh_files import read_gltf_json
@@ -19,6 +20,7 @@ from tests.tiny_bundle import write_tiny_bundle
 OPTIONS = """
 prepare: {resolution: 128}
 train_paint: {steps: 40, cameras_per_step: 2, views: 8, texture: 32, supersampling: 2, checkpoint_every: 5}
+refinement: {steps: 4, cameras_per_step: 2, checkpoint_every: 2}
 bake_paint: {views: 6, texture: 128}
 publish: {preview_size: 48, turntable_size: 48, turntable_frames: 6}
 """
@@ -148,3 +150,21 @@ def test_a_mesh_that_cannot_be_painted_is_said_in_one_line(folder: Path, text: s
     errors = [line for line in result.stderr.splitlines() if line.startswith("error: ")]
     assert len(errors) == 1
     assert word in errors[0]
+
+
+@pytest.mark.parametrize("param", ["texture", "face"])
+def test_refined_starts_from_the_baked_colours(folder: Path, param: str) -> None:
+    result = make(folder, "a: {mesh} 'x'.obj", "runs", REFINE="1", PARAM=param)
+    assert result.returncode == 0, result.stderr
+    latest = folder / "runs" / "latest"
+    stages = [entry["stage"] for entry in json.loads((latest / "manifest.json").read_text())["stages"]]
+    assert stages == ["embed", "prepare", "train_paint", "bake_paint", "refine_paint", "publish_paint"]
+    pictures = []
+    for name in ("albedo_baked.png", "albedo_refined.png"):
+        with Image.open(latest / name, formats=["PNG"]) as image:
+            pictures.append(np.asarray(image.convert("RGB"), np.float32) / 255)
+    change = np.abs(pictures[1] - pictures[0])
+    assert 0 < change.max() < 0.1
+    assert change.mean() > 1e-4
+    reused = [line.split(":")[0] for line in result.stderr.splitlines() if "reused from" in line]
+    assert ("bake_paint" in reused) == (param == "texture")

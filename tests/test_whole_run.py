@@ -20,6 +20,7 @@ from tests.tiny_bundle import write_tiny_bundle
 PROMPT = "a red ball"
 OPTIONS = """
 train_nerf: {steps: 40, cameras_per_step: 2, samples_per_ray: 32, checkpoint_every: 5, preview_every: 20}
+refinement: {fit_steps: 4, steps: 6, cameras_per_step: 2}
 extract: {resolution: 32, views: 6}
 clean: {faces: 600}
 unwrap: {resolution: 128, padding: 2}
@@ -28,12 +29,13 @@ publish: {preview_size: 48, turntable_size: 48, turntable_frames: 6}
 """
 
 
-def command(folder: Path, out: str) -> list[str]:
+def command(folder: Path, out: str, **more: str) -> list[str]:
     given = {
         "PROMPT": PROMPT,
         "MODEL": str(folder / "model"),
         "JOB": str(folder / "job.yaml"),
         "OUT": str(folder / out),
+        **more,
     }
     arguments = [
         f"{name}={value}" for name, value in {"IN_VENV": sys.executable, "THREADS": "2", **given}.items()
@@ -41,9 +43,14 @@ def command(folder: Path, out: str) -> list[str]:
     return ["make", "-o", ".venv/.runtime", "run", *arguments]
 
 
-def make(folder: Path, out: str) -> "subprocess.CompletedProcess[str]":
+def make(folder: Path, out: str, **more: str) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(
-        command(folder, out), cwd=ROOT, env=clean_environment(), capture_output=True, text=True, check=False
+        command(folder, out, **more),
+        cwd=ROOT,
+        env=clean_environment(),
+        capture_output=True,
+        text=True,
+        check=False,
     )
 
 
@@ -152,3 +159,16 @@ def test_termination_stops_everything(folder: Path) -> None:
     assert process.returncode != 0
     assert "the same command goes on from here" in errors
     assert "Traceback" not in errors
+
+
+def test_refined_goes_on_from_the_trained_scene(folder: Path) -> None:
+    result = make(folder, "runs", REFINE="1")
+    assert result.returncode == 0, result.stderr
+    latest = folder / "runs" / "latest"
+    reused = [line for line in result.stderr.splitlines() if "reused from" in line]
+    assert [line.split(":")[0] for line in reused] == ["embed", "train_nerf"]
+    assert "vae_encoder_vjp" in result.stderr, "the tiny bundle lacks it, which is said"
+    stages = [entry["stage"] for entry in json.loads((latest / "manifest.json").read_text())["stages"]]
+    assert stages == ["embed", "train_nerf", "refine", "extract", "clean", "unwrap", "bake", "publish"]
+    (mesh,) = trimesh.load_scene(latest / "asset.glb").geometry.values()
+    assert mesh.visual.material.baseColorTexture.size == (128, 128)

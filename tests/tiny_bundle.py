@@ -18,7 +18,7 @@ import numpy as np
 import onnx
 from onnx import numpy_helper
 
-from export.bundle_files import train_tokenizer, write_bundle_json, write_configs
+from export.bundle_files import train_tokenizer, write_bundle_json, write_configs, write_json
 
 WIDTH = 16
 """Text width."""
@@ -26,6 +26,8 @@ FACTOR = 4
 """Image pixels a latent pixel."""
 SCALE = 0.5
 """Latent scale."""
+VOCABULARY = 600
+"""Rows of the text encoder's table; the tokenizer fills fewer."""
 WINDOW = 32
 """Tokens a text."""
 SPREAD = 0.3
@@ -83,15 +85,23 @@ def save_graph(folder: Path, text: str, constants: dict[str, Any]) -> Path:
     return folder / "model.onnx"
 
 
-def write_text_encoder(folder: Path, vocabulary: int, ids: str = "int64", seed: int = 0) -> None:
-    """Write the text encoder; `ids` is the type of input_ids."""
+def write_text_encoder(
+    folder: Path, vocabulary: int, ids: str = "int64", seed: int = 0, learned_tokens: bool = False
+) -> None:
+    """Write the text encoder; `ids` is the type of input_ids, `learned_tokens` adds their input."""
     random = np.random.default_rng(seed)
+    extra, table = (
+        f", float[extra, {WIDTH}] token_embeddings",
+        "Concat<axis = 0>(embedding, token_embeddings)",
+    )
     save_graph(
         folder,
         f"""
-        text_encoder ({ids}[batch, length] input_ids) => (float[batch, length, {WIDTH}] last_hidden_state)
+        text_encoder ({ids}[batch, length] input_ids{extra if learned_tokens else ""})
+            => (float[batch, length, {WIDTH}] last_hidden_state)
         {{
-            tokens = Gather(embedding, input_ids)
+            table = {table if learned_tokens else "Identity(embedding)"}
+            tokens = Gather(table, input_ids)
             shape = Shape<start = 1, end = 2>(input_ids)
             here = Slice(position, zero, shape)
             placed = Add(tokens, here)
@@ -212,6 +222,26 @@ def write_vae(decoder: Path, encoder: Path, *, moments: bool = True) -> None:
     )
 
 
+def write_encoder_vjp(folder: Path) -> None:
+    """Write the input gradient of the linear encoder: every pixel of a block gets a share of the latent's."""
+    inverse = np.linalg.pinv(2 * LATENT_TO_RGB.astype(np.float64))
+    save_graph(
+        folder,
+        """
+        vae_encoder_vjp (float[1, 3, H, W] sample, float[1, 4, height, width] cotangent)
+            => (float[1, 3, H, W] gradient)
+        {
+            small = Conv(cotangent, weight)
+            gradient = Resize<mode = "nearest">(small, , scales)
+            nothing = Identity(sample)
+        }""",
+        {
+            "weight": (inverse.T / FACTOR**2)[:, :, None, None].astype(np.float32),
+            "scales": np.array([1, 1, FACTOR, FACTOR], np.float32),
+        },
+    )
+
+
 def write_tiny_bundle(
     folder: Path,
     *,
@@ -219,12 +249,17 @@ def write_tiny_bundle(
     prediction: str = "v_prediction",
     timestep: str = "int64[batch]",
     distillation: dict[str, Any] | None = None,
+    encoder_vjp: bool = False,
+    learned_tokens: bool = False,
 ) -> Path:
-    """Write the whole bundle and return its folder. `latent_size`: of training, pixels (images: 4 times)."""
-    train_tokenizer(folder / "tokenizer", CAPTIONS, vocabulary_size=600, max_length=WINDOW)
-    write_text_encoder(folder / "text_encoder", vocabulary=600)
+    """Write the whole bundle and return its folder. `latent_size`: of training, pixels (images: 4 times);
+    `encoder_vjp`: with the encoder's input gradient; `learned_tokens`: that its text encoder takes."""
+    train_tokenizer(folder / "tokenizer", CAPTIONS, vocabulary_size=VOCABULARY, max_length=WINDOW)
+    write_text_encoder(folder / "text_encoder", vocabulary=VOCABULARY, learned_tokens=learned_tokens)
     write_unet(folder / "unet", prediction=prediction, timestep=timestep)
     write_vae(folder / "vae_decoder", folder / "vae_encoder")
+    if encoder_vjp:
+        write_encoder_vjp(folder / "vae_encoder_vjp")
     write_configs(
         folder,
         latent_size=latent_size,
@@ -232,6 +267,9 @@ def write_tiny_bundle(
         latent_scale=SCALE,
         downsampling=FACTOR,
         scheduler={**SCHEDULER, "prediction_type": prediction},
+    )
+    write_json(
+        folder / "text_encoder" / "config.json", {"_class_name": "CLIPTextModel", "vocab_size": VOCABULARY}
     )
     words = {word for caption in CAPTIONS for word in caption.replace(",", "").split()}
     description = {

@@ -1,5 +1,9 @@
 """The autoencoder: 128 px pictures to 32 x 32 latents of 4 channels and back, by convolutions alone.
 
+Convolutions repeat the picture's edge: with zeros beyond it the two outermost rings of latents were off by
+more than their spread, a frame that the denoiser learnt and that no rendered latents have. The latents of a
+flat picture are flat now.
+
 The latents have unit variance a channel (a batch normalisation without parameters ends the encoder; its
 running statistics are constants in the exported graph), so the bundle's latent scale is 1.
 """
@@ -23,8 +27,8 @@ class Residual(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.first = nn.Conv2d(channels, channels, 3, padding=1)
-        self.second = nn.Conv2d(channels, channels, 3, padding=1)
+        self.first = nn.Conv2d(channels, channels, 3, padding=1, padding_mode="replicate")
+        self.second = nn.Conv2d(channels, channels, 3, padding=1, padding_mode="replicate")
         zero(self.second)
 
     def forward(self, x: Tensor) -> Tensor:
@@ -39,7 +43,7 @@ class Encoder(nn.Module):
         super().__init__()
         self.body = nn.Sequential(
             nn.PixelUnshuffle(FACTOR),
-            nn.Conv2d(3 * FACTOR**2, channels, 3, padding=1),
+            nn.Conv2d(3 * FACTOR**2, channels, 3, padding=1, padding_mode="replicate"),
             *(Residual(channels) for _ in range(blocks)),
             nn.Conv2d(channels, LATENT_CHANNELS, 1),
         )
@@ -56,13 +60,15 @@ class Decoder(nn.Module):
     def __init__(self, channels: int = 64, blocks: int = 3, fine_channels: int = 32) -> None:
         super().__init__()
         self.coarse = nn.Sequential(
-            nn.Conv2d(LATENT_CHANNELS, channels, 3, padding=1),
+            nn.Conv2d(LATENT_CHANNELS, channels, 3, padding=1, padding_mode="replicate"),
             *(Residual(channels) for _ in range(blocks)),
-            nn.Conv2d(channels, 4 * fine_channels, 3, padding=1),
+            nn.Conv2d(channels, 4 * fine_channels, 3, padding=1, padding_mode="replicate"),
             nn.PixelShuffle(2),
         )
         self.fine = nn.Sequential(
-            Residual(fine_channels), nn.Conv2d(fine_channels, 12, 3, padding=1), nn.PixelShuffle(2)
+            Residual(fine_channels),
+            nn.Conv2d(fine_channels, 12, 3, padding=1, padding_mode="replicate"),
+            nn.PixelShuffle(2),
         )
         self.linear = nn.Conv2d(LATENT_CHANNELS, 3, 1)
 

@@ -16,6 +16,7 @@ import torch
 from torch import Tensor, nn
 
 from export.bundle_files import write_bundle_json, write_configs
+from export.encoder_vjp import export_encoder_vjp
 from export.everyday_objects.autoencoder import FACTOR, LATENT_CHANNELS, Decoder, Encoder
 from export.everyday_objects.captions import known_words
 from export.everyday_objects.catalogue import RADIUS
@@ -63,6 +64,18 @@ class EncoderGraph(nn.Module):
         """Encode; the log-variance is that of an encoder without noise."""
         mean = self.encoder(sample * 0.5 + 0.5)
         return torch.cat([mean, torch.full_like(mean, -30.0)], dim=1)
+
+
+class Mean(nn.Module):
+    """Pictures in [-1, 1] to latents: what refinement pulls gradients back through."""
+
+    def __init__(self, encoder: Encoder) -> None:
+        super().__init__()
+        self.encoder = encoder
+
+    def forward(self, sample: Tensor) -> Tensor:
+        """Encode."""
+        return self.encoder(sample * 0.5 + 0.5)
 
 
 class DecoderGraph(nn.Module):
@@ -127,10 +140,14 @@ def export_graphs(folder: Path, networks: tuple[Encoder, Decoder, Denoiser, Text
 
     ids = torch.randint(0, text_encoder.tokens.num_embeddings, (2, MAX_TOKENS), generator=generator)
     plane = {0: "batch", 2: "height", 3: "width"}
+    vocabulary = text_encoder.tokens.num_embeddings
+    learned = torch.randn(3, WIDTH, generator=generator)
     return {
         "text_encoder": export_graph(
-            text_encoder, {"input_ids": ids}, ["last_hidden_state"], folder / "text_encoder",
-            dynamic_axes={"input_ids": {0: "batch"}}, half_weights=True,
+            text_encoder, {"input_ids": ids, "token_embeddings": learned}, ["last_hidden_state"],
+            folder / "text_encoder", half_weights=True,
+            dynamic_axes={"input_ids": {0: "batch"}, "token_embeddings": {0: "learned"}},
+            check_inputs=[{"input_ids": ids % 2 + vocabulary, "token_embeddings": learned[:2]}],
         ),
         "unet": export_graph(
             denoiser, unet_inputs(2), ["out_sample"], folder / "unet",
@@ -149,11 +166,19 @@ def export_graphs(folder: Path, networks: tuple[Encoder, Decoder, Denoiser, Text
     }  # fmt: skip
 
 
+def export_gradient(folder: Path, encoder: Encoder) -> float:
+    """Write the encoder's input gradient, which RGB refinement uses; return its difference from autograd."""
+
+    sample = torch.rand(1, 3, IMAGE_SIZE, IMAGE_SIZE, generator=torch.Generator().manual_seed(1)) * 2 - 1
+    return export_encoder_vjp(Mean(encoder), sample, folder / "vae_encoder_vjp", half_weights=True)
+
+
 def export_bundle(work: Path, folder: Path) -> None:
     """Export everything to `folder`, bundle.json last."""
     folder.mkdir(parents=True, exist_ok=True)
     networks = load_networks(work)
     differences = export_graphs(folder, networks)
+    differences["vae_encoder_vjp"] = export_gradient(folder, networks[0])
     for name, difference in differences.items():
         print(f"{name}: largest difference from torch {difference:.1e}")
     shutil.rmtree(folder / "tokenizer", ignore_errors=True)

@@ -1,4 +1,7 @@
-"""Procedural furniture: each function returns a random piece, y up, front to +z."""
+"""Procedural furniture: each function returns a random piece, y up, front to +z.
+
+Legs are stout: those of two latent pixels and less are lost in score distillation, and tables were slabs.
+"""
 
 from collections.abc import Callable
 
@@ -80,7 +83,7 @@ def chair(rng: np.random.Generator) -> Model:
     colour = pick(rng, *COLOURS, *WOODS)
     frame = colour if rng.random() < 0.75 else pick(rng, "black", "white", *WOODS)
     w, d, h = rng.uniform(0.42, 0.52), rng.uniform(0.42, 0.5), rng.uniform(0.42, 0.5)
-    top, thick = h + rng.uniform(0.42, 0.6), rng.uniform(0.018, 0.032)
+    top, thick = h + rng.uniform(0.42, 0.6), rng.uniform(0.028, 0.042)
     parts = [cushion((w, rng.uniform(0.04, 0.09), d), colour, (0, h, 0), 9)]
     parts += legs(rng, w / 2 - 0.04, d / 2 - 0.04, h, frame, thick)
     lean, kind = rng.uniform(0, 0.12), rng.integers(3)
@@ -107,17 +110,17 @@ def table(rng: np.random.Generator) -> Model:
     """A rectangular or round top on four legs or on one."""
     colour = pick(rng, *WOODS, *COLOURS)
     frame = colour if rng.random() < 0.7 else pick(rng, "black", "white", "grey", *WOODS)
-    h, w = rng.uniform(0.4, 0.8), rng.uniform(0.8, 1.5)
-    d, thick = w * rng.uniform(0.5, 1.0), rng.uniform(0.03, 0.08)
-    if rng.random() < 0.35:
+    h, w = rng.uniform(0.5, 0.75), rng.uniform(0.9, 1.3)
+    d, thick = w * rng.uniform(0.6, 1.0), rng.uniform(0.05, 0.1)
+    if rng.random() < 0.25:
         r = w / 2.2
         parts = [lathe([(0, h), (r, h), (r, h + thick), (0, h + thick)], colour)]
         if rng.random() < 0.5:
             parts += [bar((0, 0, 0), (0, h, 0), 0.06, frame), lathe([(r * 0.55, 0), (0.06, 0.07)], frame)]
             return assemble(parts)
-        return assemble(parts + legs(rng, r * 0.6, r * 0.6, h, frame, 0.035))
+        return assemble(parts + legs(rng, r * 0.6, r * 0.6, h, frame, 0.05))
     parts = [box((w, thick, d), colour, (0, h + thick / 2, 0))]
-    parts += legs(rng, w / 2 - 0.08, d / 2 - 0.08, h, frame, rng.uniform(0.03, 0.05))
+    parts += legs(rng, w / 2 - 0.08, d / 2 - 0.08, h, frame, rng.uniform(0.05, 0.075))
     if rng.random() < 0.5:
         parts.append(box((w - 0.14, 0.09, d - 0.14), shade(frame, 0.92), (0, h - 0.045, 0)))
     return assemble(parts)
@@ -146,7 +149,7 @@ def stool(rng: np.random.Generator) -> Model:
     thick = rng.uniform(0.03, 0.09)
     seat = lathe([(0, h), (r, h), (r * 1.03, h + thick / 2), (r, h + thick), (0, h + thick)], colour)
     frame = colour if rng.random() < 0.6 else pick(rng, "black", "grey", *WOODS)
-    return assemble([seat, *legs(rng, r * 0.65, r * 0.65, h, frame, 0.02)])
+    return assemble([seat, *legs(rng, r * 0.65, r * 0.65, h, frame, 0.035)])
 
 
 def bed(rng: np.random.Generator) -> Model:
@@ -232,7 +235,7 @@ def desk(rng: np.random.Generator) -> Model:
             box((0.3, 0.17, 0.03), shade(colour, 1.12), (side * (w / 2 - 0.2), 0.16 + j * 0.2, d * 0.45))
         )
     parts += [
-        bar((-side * (w / 2 - 0.06), 0, z), (-side * (w / 2 - 0.06), h, z), 0.03, colour)
+        bar((-side * (w / 2 - 0.06), 0, z), (-side * (w / 2 - 0.06), h, z), 0.05, colour)
         for z in (-d / 2 + 0.06, d / 2 - 0.06)
     ]
     return assemble(parts)

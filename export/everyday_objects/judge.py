@@ -40,7 +40,7 @@ class Residual(nn.Module):
 class Judge(nn.Module):
     """Pictures (b, 3, 64, 64) in [0, 1] to logits of kinds (b, kinds + 1) and of colours (b, colours)."""
 
-    def __init__(self, channels: tuple[int, ...] = (24, 48, 96, 160)) -> None:
+    def __init__(self, channels: tuple[int, ...] = (16, 32, 64, 128)) -> None:
         super().__init__()
         layers: list[nn.Module] = [nn.Conv2d(3, channels[0], 3, padding=1)]
         for before, after in itertools.pairwise(channels):

@@ -2,6 +2,7 @@
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional as F
 
 MAX_TOKENS = 32
 WIDTH = 192
@@ -18,9 +19,12 @@ class TextEncoder(nn.Module):
         self.norm = nn.LayerNorm(width)
         nn.init.normal_(self.tokens.weight, std=0.02)
 
-    def forward(self, input_ids: Tensor) -> Tensor:
-        """Encode."""
-        x = self.tokens(input_ids) + self.positions[: input_ids.shape[1]]
+    def forward(self, input_ids: Tensor, token_embeddings: Tensor | None = None) -> Tensor:
+        """Encode; `token_embeddings` (n, WIDTH) are learned tokens, whose ids follow the vocabulary's."""
+        table = self.tokens.weight
+        if token_embeddings is not None:
+            table = torch.cat([table, token_embeddings])
+        x = F.embedding(input_ids, table) + self.positions[: input_ids.shape[1]]
         for layer in self.layers:
             x = layer(x)
         return self.norm(x)

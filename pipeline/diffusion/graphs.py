@@ -95,11 +95,13 @@ class Graph:
         kind, shape = self.types[name], self.shapes.get(name)
         if kind not in _DTYPES:
             raise InputError(f"{self.path}: input {name} is {kind}, expected one of {', '.join(_DTYPES)}")
+        with np.errstate(over="ignore"):  # half precision ends at 65504
+            value = np.asarray(value, _DTYPES[kind], order="C")
         if not np.isfinite(value).all():
             raise FloatingPointError(
-                f"{self.path}: the input {name} holds NaN or infinity before the network runs"
+                f"{self.path}: the input {name} holds NaN, infinity or more than its {kind} can hold, "
+                "before the network runs"
             )
-        value = np.asarray(value, _DTYPES[kind], order="C")
         if shape is None:
             return value
         if value.ndim != len(shape):

@@ -12,10 +12,11 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline import arrays
-from pipeline.diffusion.distillation import sds_gradient
-from pipeline.diffusion.prompts import view_index
+from pipeline.diffusion.distillation import Opposed, SdsStep, sds_gradient
+from pipeline.diffusion.prompts import front_opposed, view_index, view_mix
 from pipeline.diffusion.schedule import Schedule
 from pipeline.diffusion.sessions import Denoise
+from pipeline.distillation_options import Distillation
 from pipeline.errors import InputError
 from pipeline.scene.batch import Batch, Guidance
 
@@ -32,27 +33,56 @@ class Embeddings(NamedTuple):
     """Latents of flat colours, a light grey one first; None: the bundle cannot encode any."""
 
 
+def view_embeddings(
+    embeddings: Embeddings, options: Distillation, batch: Batch
+) -> Float[np.ndarray, "b l d"]:
+    """Return the text of each view: that of the nearest named view, or a mix of the two around it."""
+    views = (embeddings.view_prompts, batch.azimuths, batch.polars)
+    if options.view_text == "bins":
+        return embeddings.cond[view_index(*views)]
+    rows, share = view_mix(*views)
+    share = share.astype(np.float32)[:, None, None]
+    return (1 - share) * embeddings.cond[rows[:, 0]] + share * embeddings.cond[rows[:, 1]]
+
+
+def distil(
+    latents: Float[np.ndarray, "b 4 h w"],
+    batch: Batch,
+    denoise: Denoise,
+    schedule: Schedule,
+    embeddings: Embeddings,
+    options: Distillation,
+) -> SdsStep:
+    """Return score distillation of rendered latents, each view told which side of the object it shows."""
+    total = len(schedule.alphas_cumprod)
+    opposed = None
+    if options.perp_neg:
+        rows, away = front_opposed(embeddings.view_prompts, batch.azimuths, batch.polars)
+        opposed = Opposed(embeddings.cond[rows], options.perp_neg * away)
+    return sds_gradient(
+        latents,
+        denoise,
+        schedule,
+        np.minimum((batch.noise_levels * total).astype(np.int64), total - 1),
+        batch.noise,
+        view_embeddings(embeddings, options, batch),
+        embeddings.uncond,
+        batch.guidance_scale,
+        options.predicted_clean_clamp,
+        options.signal_power,
+        opposed,
+        options.guidance_rescale,
+        batch.gradient_clip,
+    )
+
+
 def diffusion_guidance(
-    denoise: Denoise, schedule: Schedule, embeddings: Embeddings, clean_clamp: float, signal_power: float
+    denoise: Denoise, schedule: Schedule, embeddings: Embeddings, options: Distillation
 ) -> Guidance:
-    """Return score distillation from a denoiser, each view told which side of the object it shows."""
+    """Return score distillation from a denoiser, as training in latents takes it."""
 
     def guidance(latents: Float[np.ndarray, "b 4 h w"], batch: Batch) -> Float[np.ndarray, "b 4 h w"]:
-        total = len(schedule.alphas_cumprod)
-        timesteps = np.minimum((batch.noise_levels * total).astype(np.int64), total - 1)
-        rows = view_index(embeddings.view_prompts, batch.azimuths, batch.polars)
-        return sds_gradient(
-            latents,
-            denoise,
-            schedule,
-            timesteps,
-            batch.noise,
-            embeddings.cond[rows],
-            embeddings.uncond,
-            batch.guidance_scale,
-            clean_clamp,
-            signal_power,
-        ).gradient
+        return distil(latents, batch, denoise, schedule, embeddings, options).gradient
 
     return guidance
 

@@ -68,3 +68,39 @@ def view_index(
     from_front = np.minimum(turn, 2 * np.pi - turn)
     around = np.select([from_front <= _FRONT_HALF_WIDTH, np.pi - from_front <= _FRONT_HALF_WIDTH], [0, 2], 1)
     return np.select([polar <= _PAPER_OVERHEAD, polar >= _PAPER_BOTTOM], [3, 4], around).astype(np.int64)
+
+
+def view_mix(
+    view_prompts: str, azimuth: Float[np.ndarray, " b"], polar: Float[np.ndarray, " b"]
+) -> tuple[Int[np.ndarray, "b 2"], Float[np.ndarray, " b"]]:
+    """Return the two rows of `view_table` between which each camera stands, and the share of the second.
+
+    Linear in the azimuth between the directions that the words name: every 45 degrees ("eight"), every 90
+    ("paper": front, side, back, side). Elevation changes the words at once, as in `view_index`; overhead
+    and bottom views of "paper" have one row.
+    """
+    bins = view_index(view_prompts, azimuth, polar)
+    turn = np.mod(azimuth, 2 * np.pi)
+    if len(view_table(view_prompts)) == len(_EIGHT):
+        place = turn / (np.pi / 4)
+        first = np.floor(place).astype(np.int64) % 8
+        rows = np.stack([first, (first + 1) % 8], axis=1) + (bins - bins % 8)[:, None]
+        return rows, place - np.floor(place)
+    quarters = np.minimum(turn, 2 * np.pi - turn) / (np.pi / 2)
+    first = np.minimum(np.floor(quarters), 1).astype(np.int64)
+    alone = bins > 2
+    rows = np.where(alone[:, None], bins[:, None], np.stack([first, first + 1], axis=1))
+    return rows, np.where(alone, 0.0, quarters - first)
+
+
+def front_opposed(
+    view_prompts: str, azimuth: Float[np.ndarray, " b"], polar: Float[np.ndarray, " b"]
+) -> tuple[Int[np.ndarray, " b"], Float[np.ndarray, " b"]]:
+    """Return the row of the front view at each camera's elevation, and how far the camera is turned away
+    from it, (1 - cos azimuth) / 2: 0 in front, 1 behind; 0 where the words name no side ("paper" overhead).
+    """
+    bins = view_index(view_prompts, azimuth, polar)
+    away = (1 - np.cos(azimuth)) / 2
+    if len(view_table(view_prompts)) == len(_EIGHT):
+        return bins - bins % 8, away
+    return np.zeros_like(bins), np.where(bins > 2, 0.0, away)

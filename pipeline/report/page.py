@@ -13,7 +13,8 @@ body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto
 h1 { font-size: 1.6rem; margin: 0; overflow-wrap: anywhere; white-space: pre-wrap; }
 h2 { font-size: 1.1rem; margin: 2.5rem 0 .5rem; }
 .dim { color: var(--dim); }
-img, video { max-width: 100%; border-radius: 6px; background: #8881; display: block; margin: 1rem 0; }
+img, video { max-width: 100%; border-radius: 6px; background: #8881; display: block; margin: 1rem auto; }
+video { width: min(100%, 32rem); }
 table { border-collapse: collapse; width: 100%; }
 td, th { border-bottom: 1px solid var(--line); padding: .25rem .6rem .25rem 0; text-align: left;
          vertical-align: top; font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }

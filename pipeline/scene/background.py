@@ -1,6 +1,6 @@
 """What is seen behind the object: one of a few flat colours, or a small network of the viewing direction.
 
-Letters: r rays, k flat colours, d features of an encoded direction.
+Letters: r rays, k flat colours of c channels, d features of an encoded direction.
 """
 
 import numpy as np
@@ -14,17 +14,23 @@ _OCTAVES = 6
 _HIDDEN = 64
 
 
+def flat_colours() -> Float[np.ndarray, "64 3"]:
+    """Return 64 colours evenly over the RGB cube, black, white and greys among them."""
+    steps = np.linspace(0, 1, 4, dtype=np.float32)
+    return np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), -1).reshape(-1, 3)
+
+
 class FlatBackground(nn.Module):
     """Flat colours, one of them drawn for each training view: nothing can hide in what it cannot predict."""
 
     colours: Tensor
 
-    def __init__(self, colours: Float[np.ndarray, "k 4"]) -> None:
-        """`colours` are latents; the first one is used where none is asked for."""
+    def __init__(self, colours: Float[np.ndarray, "k c"]) -> None:
+        """`colours` are latents (c = 4) or, of a refined scene, RGB; where none is asked for, the first."""
         super().__init__()
         self.register_buffer("colours", torch.from_numpy(np.array(colours, np.float32)))
 
-    def forward(self, directions: Float[Tensor, "r 3"]) -> Float[Tensor, "r 4"]:
+    def forward(self, directions: Float[Tensor, "r 3"]) -> Float[Tensor, "r c"]:
         """Return the first colour for every ray."""
         return self.colours[:1].expand(len(directions), -1)
 

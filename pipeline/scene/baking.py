@@ -9,18 +9,22 @@ Letters: b views, h x w latent pixels, p pixels along a side of a decoded view, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import distance_transform_edt
 
+from pipeline.diffusion.sessions import Decode
 from pipeline.errors import InputError
 from pipeline.scene.cameras import Camera, ring, sphere
 from pipeline.scene.mesh import Mesh
 from pipeline.scene.rasterize import rasterize
-from pipeline.scene.silhouettes import POLAR_RANGE
+from pipeline.scene.refining import render_rgb
+from pipeline.scene.rendering import render_views
+from pipeline.scene.scene import Scene
+from pipeline.scene.silhouettes import POLAR_RANGE, opacity_masks
 from pipeline.scene.texture import paint, project_view, render_texture, resolve, surface_texels, view_trust
 
 FOV = np.radians(45.0)
@@ -38,9 +42,9 @@ def bake_cameras(count: int, bound: float) -> list[Camera]:
 
 
 def extend_foreground(
-    latents: Float[np.ndarray, "4 h w"], opacity: Float[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"]
-) -> Float[np.ndarray, "4 h w"]:
-    """Return latents without background: outside `mask` every pixel continues the nearest one inside.
+    latents: Float[np.ndarray, "c h w"], opacity: Float[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"]
+) -> Float[np.ndarray, "c h w"]:
+    """Return latents (or RGB) without background: outside `mask` pixels continue the nearest one inside.
 
     `latents` are composited over nothing (zeros), so a half-opaque pixel holds half of its colour: it is
     divided by its opacity. What is decoded then has no outline that could bleed into the texture: against a
@@ -51,6 +55,32 @@ def extend_foreground(
     solid = latents / np.maximum(opacity, 0.05)
     _, (row, column) = distance_transform_edt(~mask, return_indices=True)
     return np.ascontiguousarray(solid[:, row, column], np.float32)
+
+
+def decoded_views(
+    scene: Scene,
+    cameras: Sequence[Camera],
+    resolution: int,
+    decode: Decode,
+    tell: Callable[[int], None] = lambda done: None,
+) -> list[Float[np.ndarray, "p p 3"]]:
+    """Return pictures of a latent scene: latents at `resolution`, without a background, decoded."""
+    rendered = render_views(scene, cameras, resolution, np.zeros(4, np.float32))
+    pictures = []
+    for done, (latents, opacity) in enumerate(zip(rendered.latents, rendered.opacity, strict=True), 1):
+        latents = extend_foreground(latents, opacity, opacity_masks(opacity[None])[0][0])
+        pictures.append(decode(latents[None])[0])
+        tell(done)
+    return pictures
+
+
+def rgb_views(scene: Scene, cameras: Sequence[Camera], resolution: int) -> list[Float[np.ndarray, "p p 3"]]:
+    """Return pictures of an RGB scene, without a background."""
+    pairs = zip(*render_rgb(scene, cameras, resolution), strict=True)
+    extended = [
+        extend_foreground(colours, opacity, opacity_masks(opacity[None])[0][0]) for colours, opacity in pairs
+    ]
+    return [np.ascontiguousarray(picture.transpose(1, 2, 0).clip(0, 1)) for picture in extended]
 
 
 def bake_texture(

@@ -15,6 +15,8 @@ from torch import Tensor
 from pipeline.distillation_options import Distillation
 from pipeline.scene.cameras import Camera
 
+_LARGEST_GRADIENT = 1e18
+
 
 class Batch(NamedTuple):
     """What one step renders, and how it is to be judged."""
@@ -24,21 +26,23 @@ class Batch(NamedTuple):
     """[rad], as in `cameras.orbit_camera`."""
     polars: Float[np.ndarray, " b"]
     """[rad]"""
-    backgrounds: Float[np.ndarray, "b 4"] | None
-    """Flat latents behind each view; None: the scene's own learned background."""
+    backgrounds: Float[np.ndarray, "b c"] | None
+    """Flat latents (or RGB) behind each view; None: the scene's own learned background."""
     noise_levels: Float[np.ndarray, " b"]
     """Timesteps as a share of the schedule, in [0, 1]."""
     noise: Float[np.ndarray, "b 4 h w"]
     guidance_scale: float
+    gradient_clip: float
+    """Bound on the absolute gradient of every latent; 0: none."""
 
 
-Guidance = Callable[[Float[np.ndarray, "b 4 h w"], Batch], Float[np.ndarray, "b 4 h w"]]
-"""Rendered latents and their batch -> the gradient by those latents, summed over pixels, for each view."""
+Guidance = Callable[[Float[np.ndarray, "b c h w"], Batch], Float[np.ndarray, "b c h w"]]
+"""Rendered latents (c = 4) or RGB and their batch -> the gradient by each view, summed over its pixels."""
 
 
 def make_batch(
     views: tuple[list[Camera], Float[np.ndarray, " b"], Float[np.ndarray, " b"]],
-    backgrounds: Float[np.ndarray, "b 4"] | None,
+    backgrounds: Float[np.ndarray, "b c"] | None,
     options: Distillation,
     progress: float,
     resolution: int,
@@ -50,12 +54,14 @@ def make_batch(
     """
     cameras, azimuths, polars = views
     count = len(cameras)
-    top = _ramp(options.timestep_max, options.timestep_max_end, progress)
+    falling = math.sqrt(progress) if options.timestep_annealing == "sqrt" else progress
+    top = _ramp(options.timestep_max, options.timestep_max_end, falling)
     strata = (rng.permutation(count) + rng.random(count)) / count
     levels = options.timestep_min + (top - options.timestep_min) * strata
     noise = rng.standard_normal((count, 4, resolution, resolution), np.float32)
     scale = _ramp(options.guidance_scale, options.guidance_scale_end, progress)
-    return Batch(cameras, azimuths, polars, backgrounds, levels, noise, scale)
+    clip = _ramp(options.gradient_clip, options.gradient_clip_end, progress)
+    return Batch(cameras, azimuths, polars, backgrounds, levels, noise, scale, clip)
 
 
 def require_finite(name: str, values: Tensor | np.ndarray | None, step: int) -> None:
@@ -71,6 +77,23 @@ def require_finite(name: str, values: Tensor | np.ndarray | None, step: int) -> 
         raise FloatingPointError(
             f"{name} holds {bad} NaN or infinite values of {tensor.numel()} at step {step}"
         )
+
+
+def require_steppable(name: str, gradient: Tensor | None, step: int) -> None:
+    """Raise FloatingPointError unless Adam can take a step along a parameter's gradient.
+
+    It squares the gradient in float32. Where the square overflows, the second moment stays infinite for ever
+    and the parameter never moves again, without any NaN to tell of it.
+    """
+    if gradient is None or not gradient.numel():
+        return
+    largest = float(torch.linalg.vector_norm(gradient, torch.inf))
+    if largest <= _LARGEST_GRADIENT:
+        return
+    require_finite(f"gradient of {name}", gradient, step)
+    raise FloatingPointError(
+        f"gradient of {name} reaches {largest:.1e} at step {step}, more than Adam can square"
+    )
 
 
 def _ramp(start: float, end: float, progress: float) -> float:

@@ -17,7 +17,7 @@ from torch import nn
 
 from pipeline.paint_options import TrainPaint
 from pipeline.scene.background import Background, FlatBackground, LearnedBackground
-from pipeline.scene.batch import Batch, Guidance, make_batch, require_finite
+from pipeline.scene.batch import Batch, Guidance, make_batch, require_finite, require_steppable
 from pipeline.scene.cameras import Camera, camera_rays, sample_cameras
 from pipeline.scene.mesh import Mesh
 from pipeline.scene.view_weights import ViewWeights, seen_columns, view_weights
@@ -40,7 +40,7 @@ class PaintState:
     """Everything that a run carries from step to step."""
 
     colours: nn.Parameter
-    """(n, 4) latents."""
+    """(n, 4) latents; (n, 3) RGB while being refined."""
     background: Background
     optimizer: torch.optim.Adam
     rng: np.random.Generator
@@ -93,8 +93,12 @@ def paint_optimizer(colours: nn.Parameter, background: Background, options: Trai
     return torch.optim.Adam([g for g in groups if g["params"]], betas=(0.9, 0.99), eps=1e-15, fused=True)
 
 
-def paint_step(state: PaintState, options: TrainPaint, pool: Pool, guidance: Guidance) -> PaintFigures:
+def paint_step(
+    state: PaintState, options: TrainPaint, pool: Pool, guidance: Guidance, noise_size: int | None = None
+) -> PaintFigures:
     """Render one group of views, ask the guidance about them, update the colours they show.
+
+    `noise_size`: side of the guidance's noise [latent pixels] where that is not the side of a view.
 
     Raises:
         FloatingPointError: a NaN or an infinity, named by tensor and step; the state is then not to be used.
@@ -107,7 +111,7 @@ def paint_step(state: PaintState, options: TrainPaint, pool: Pool, guidance: Gui
     if isinstance(state.background, FlatBackground):
         known = state.background.colours.numpy()
         flat = known[state.rng.integers(len(known), size=len(views))]
-    batch = make_batch(pool.groups[group], flat, options, progress, pool.resolution, state.rng)
+    batch = make_batch(pool.groups[group], flat, options, progress, noise_size or pool.resolution, state.rng)
     behind = _behind(state.background, batch, pool.resolution)
     colours = state.colours.detach().numpy()
     latents = np.stack(
@@ -129,8 +133,12 @@ def paint_step(state: PaintState, options: TrainPaint, pool: Pool, guidance: Gui
     if behind.requires_grad:
         open_share = np.stack([(1 - view.covered)[..., None] for view in views])
         behind.backward(torch.from_numpy(share.transpose(0, 2, 3, 1) * open_share))
+    parameters = {"colours": state.colours, **dict(state.background.named_parameters("background"))}
+    for name, parameter in parameters.items():
+        require_steppable(name, parameter.grad, state.step)
     state.optimizer.step()
-    require_finite("colours", state.colours, state.step)
+    for name, parameter in parameters.items():
+        require_finite(name, parameter, state.step)
     state.step += 1
     clock.append(time.perf_counter())
 

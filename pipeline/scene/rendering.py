@@ -148,8 +148,8 @@ def render_rays(scene: Scene, rays: Rays) -> Seen:
     return Seen(pixels, log_transmittance, depth, density, segments)
 
 
-def behind(scene: Scene, rays: Rays, flat: Float[np.ndarray, "b 4"] | None) -> Float[Tensor, "r 4"]:
-    """Return the background of each ray: flat latents a camera, or (None) the scene's own."""
+def behind(scene: Scene, rays: Rays, flat: Float[np.ndarray, "b c"] | None) -> Float[Tensor, "r c"]:
+    """Return the background of each ray: flat latents (or RGB) a camera, or (None) the scene's own."""
     if flat is None:
         own: Tensor = scene.background(torch.from_numpy(rays.directions))
         return own
@@ -161,7 +161,8 @@ def render_views(
 ) -> Views:
     """Render `size` x `size` latents, opacity and depth, without gradients and without jitter.
 
-    `background` are flat latents; None takes the scene's own (its first flat colour, or its network).
+    `background` are flat latents; None takes the scene's own (its first flat colour, or its network), which a
+    refined scene has in RGB only: see `refining.render_rgb`.
     """
     pixels = size * size
     latents = np.empty((len(cameras), pixels, LATENT_CHANNELS), np.float32)

@@ -11,11 +11,13 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Float
+from torch import nn
 
 from pipeline import arrays
 from pipeline.errors import InputError
 from pipeline.scene.background import Background, FlatBackground, LearnedBackground
 from pipeline.scene.field import FieldShape, LatentField
+from pipeline.scene.linear_rgb import LinearRgb, no_map
 from pipeline.scene.occupancy import Occupancy
 
 BOX_DIAGONAL = 2 * 3**0.5
@@ -31,11 +33,19 @@ class Scene:
     background: Background
     samples_per_ray: int
     """Samples along the diagonal of the box."""
+    rgb: LinearRgb | None = None
+    """Of a refined scene; None: its colours are latents."""
 
     @property
     def step(self) -> float:
         """Length of a sample [scene units]."""
         return BOX_DIAGONAL / self.samples_per_ray
+
+    @property
+    def modules(self) -> dict[str, nn.Module]:
+        """What is trained, by name."""
+        parts: dict[str, nn.Module] = {"field": self.field, "background": self.background}
+        return parts if self.rgb is None else {**parts, "rgb": self.rgb}
 
 
 def density(scene: Scene, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
@@ -48,21 +58,21 @@ def density(scene: Scene, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray,
 
 
 def to_arrays(scene: Scene) -> dict[str, np.ndarray]:
-    """Return the scene as named arrays: `header` (JSON as bytes), the grid, field.* and background.*."""
+    """Return the scene as named arrays: `header` (JSON as bytes), the grid, field.*, background.* and
+    (refined) rgb.*."""
     header = {
         "field": scene.field.shape._asdict(),
         "sharpening": scene.field.sharpening,
         "background": "learned" if isinstance(scene.background, LearnedBackground) else "flat",
         "samples_per_ray": scene.samples_per_ray,
     }
-    modules = {"field": scene.field, "background": scene.background}
     return {
         "header": np.frombuffer(json.dumps(header).encode(), np.uint8),
         "occupancy.density": scene.occupancy.density,
         "occupancy.occupied": scene.occupancy.occupied,
         **{
             f"{m}.{name}": t.numpy()
-            for m, module in modules.items()
+            for m, module in scene.modules.items()
             for name, t in module.state_dict().items()
         },
     }
@@ -84,15 +94,18 @@ def from_arrays(values: Mapping[str, np.ndarray]) -> Scene:
             if header["background"] == "flat"
             else LearnedBackground(rng)
         )
-        for prefix, module in (("field.", field), ("background.", background)):
+        rgb = no_map() if "rgb.matrix" in values else None
+        occupancy = Occupancy(values["occupancy.density"], values["occupancy.occupied"])
+        scene = Scene(field, occupancy, background, int(header["samples_per_ray"]), rgb)
+        for name, module in scene.modules.items():
+            prefix = f"{name}."
             state = {
                 n.removeprefix(prefix): torch.from_numpy(v.copy())
                 for n, v in values.items()
                 if n.startswith(prefix)
             }
             module.load_state_dict(state)
-        occupancy = Occupancy(values["occupancy.density"], values["occupancy.occupied"])
-        return Scene(field, occupancy, background, int(header["samples_per_ray"]))
+        return scene
     except (KeyError, TypeError, RuntimeError) as error:
         raise ValueError(f"not a scene: {error}") from None
 

@@ -54,6 +54,7 @@ def surface_texels(mesh: Mesh, size: int) -> Texels:
     cover = np.zeros((size, size), np.int32)
     corners = np.ascontiguousarray(uv.astype(np.float64)[uv_faces] * size)
     kernel.draw_charts(corners, face, barycentric, cover)
+    _claim_between_centres(corners, face, barycentric)
     place = np.flatnonzero(face >= 0)
     weights = barycentric.reshape(-1, 3)[place]
     of_texel = face.ravel()[place]
@@ -65,6 +66,28 @@ def surface_texels(mesh: Mesh, size: int) -> Texels:
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-20)
     overlap = float((cover > 1).sum() / max(len(place), 1))
     return Texels(size, place, position.astype(np.float32), normal.astype(np.float32), overlap)
+
+
+def _claim_between_centres(
+    corners: Float[np.ndarray, "f 3 2"],
+    face: Int[np.ndarray, "s s"],
+    barycentric: Float[np.ndarray, "s s 3"],
+) -> None:
+    """Give faces that lie between texel centres the texel round their middle, if no face has it.
+
+    A chart smaller than a texel would otherwise have none and show its neighbour in the atlas.
+    """
+    size = len(face)
+    edges = corners[:, 1:] - corners[:, :1]
+    area = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]
+    missed = np.ones(len(corners), bool)
+    missed[face[face >= 0]] = False
+    missed &= area != 0
+    column, row = np.clip(corners[missed].mean(axis=1).astype(np.int64), 0, size - 1).T
+    _, first = np.unique(row * size + column, return_index=True)
+    free = first[face[row[first], column[first]] < 0]
+    face[row[free], column[free]] = np.flatnonzero(missed)[free]
+    barycentric[row[free], column[free]] = 1 / 3
 
 
 def view_trust(fragments: Fragments, camera: Camera, margin: float) -> Float[np.ndarray, "p p"]:

@@ -7,6 +7,7 @@ it. The regularisers are losses; both go through one backward pass.
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,10 +19,10 @@ from torch import Tensor
 from pipeline.nerf_options import TrainNerf
 from pipeline.scene import occupancy
 from pipeline.scene.background import FlatBackground, LearnedBackground
-from pipeline.scene.batch import Batch, Guidance, make_batch, require_finite
+from pipeline.scene.batch import Batch, Guidance, make_batch, require_finite, require_steppable
 from pipeline.scene.cameras import sample_cameras
 from pipeline.scene.field import FieldShape, LatentField
-from pipeline.scene.rendering import behind, make_rays, render_rays
+from pipeline.scene.rendering import Rays, Seen, behind, make_rays, render_rays
 from pipeline.scene.scene import Scene, density
 from pipeline.scene.shape_loss import shape_loss
 from pipeline.scene.sketch import Sketch, solid_cells
@@ -90,20 +91,37 @@ def initial_state(
 def make_optimizer(scene: Scene, options: TrainNerf) -> torch.optim.Adam:
     """Return Adam with the paper's settings: the grid's rate is higher, its entries see few gradients."""
     networks = [p for p in scene.field.parameters() if p is not scene.field.table]
+    others = [p for name, part in scene.modules.items() if name != "field" for p in part.parameters()]
     groups = [
         {"params": [scene.field.table], "lr": options.grid_learning_rate},
-        {"params": [*networks, *scene.background.parameters()], "lr": options.learning_rate},
+        {"params": [*networks, *others], "lr": options.learning_rate},
     ]
     return torch.optim.Adam(groups, betas=(0.9, 0.99), eps=1e-15, fused=True)
 
 
+Compose = Callable[[Scene, Rays, Seen, Batch], Float[Tensor, "r c"]]
+"""What a ray shows of what it met, over its background."""
+
+
+def latents_over_background(scene: Scene, rays: Rays, seen: Seen, batch: Batch) -> Float[Tensor, "r 4"]:
+    """Return the latents of each ray."""
+    return seen.latents + seen.log_transmittance.exp()[:, None] * behind(scene, rays, batch.backgrounds)
+
+
 def training_step(
-    state: State, options: TrainNerf, resolution: int, guidance: Guidance, sketch: Sketch | None = None
+    state: State,
+    options: TrainNerf,
+    resolution: int,
+    guidance: Guidance,
+    sketch: Sketch | None = None,
+    compose: Compose = latents_over_background,
+    noise_size: int | None = None,
 ) -> Figures:
     """Render views of `resolution`^2 latent pixels, ask the guidance about them, update the scene.
 
     A `sketch` holds the density of all samples to its shape; rendering never skips its inside, since what is
-    not sampled cannot grow.
+    not sampled cannot grow. `compose` says what the guidance is shown, `noise_size` the side of its noise
+    [latent pixels] where that is not the side of a view.
 
     Raises:
         FloatingPointError: a NaN or an infinity, named by tensor and step; the state is then not to be used.
@@ -117,13 +135,15 @@ def training_step(
         scene.occupancy = occupancy.refresh(
             scene.occupancy, lambda x: density(scene, x), scene.step, state.rng, kept
         )
-    batch = draw_batch(options, progress, resolution, scene, state.rng)
+        # A NaN would empty the grid, and what is not rendered cannot be found faulty.
+        require_finite("density", scene.occupancy.density, step)
+    batch = draw_batch(options, progress, noise_size or resolution, scene, state.rng)
     rays = make_rays(batch.cameras, resolution, state.rng)
     clock.append(time.perf_counter())
 
     seen = render_rays(scene, rays)
     opacity = -torch.expm1(seen.log_transmittance)
-    pixels = seen.latents + seen.log_transmittance.exp()[:, None] * behind(scene, rays, batch.backgrounds)
+    pixels = compose(scene, rays, seen, batch)
     latents = pixels.reshape(-1, resolution, resolution, pixels.shape[1]).permute(0, 3, 1, 2)
     require_finite("rendered latents", latents, step)
     clock.append(time.perf_counter())
@@ -149,13 +169,9 @@ def training_step(
     torch.autograd.backward(roots, gradients)
     clock.append(time.perf_counter())
 
-    parameters = {
-        f"{m}.{n}": p
-        for m, part in (("field", scene.field), ("background", scene.background))
-        for n, p in part.named_parameters()
-    }
+    parameters = {f"{m}.{n}": p for m, part in scene.modules.items() for n, p in part.named_parameters()}
     for name, parameter in parameters.items():
-        require_finite(f"gradient of {name}", parameter.grad, step)
+        require_steppable(name, parameter.grad, step)
     state.optimizer.step()
     for name, parameter in parameters.items():
         require_finite(name, parameter, step)

@@ -28,15 +28,18 @@ class ViewWeights(NamedTuple):
     covered: Float[np.ndarray, "h w"]
 
     def render(
-        self, latents: Float[np.ndarray, "c 4"], background: Float[np.ndarray, "... 4"]
-    ) -> Float[np.ndarray, "4 h w"]:
-        """Return the view before a flat background, or one of its own for every pixel (h, w, 4)."""
+        self, latents: Float[np.ndarray, "c d"], background: Float[np.ndarray, "... d"]
+    ) -> Float[np.ndarray, "d h w"]:
+        """Return the view before a flat background, or one of its own for every pixel (h, w, d).
+
+        d = 4 latents, or the 3 channels of RGB.
+        """
         size = len(self.covered)
         seen = (self.weights @ latents).reshape(size, size, -1)
         picture = seen + (1 - self.covered)[..., None] * background
         return np.ascontiguousarray(picture.transpose(2, 0, 1), np.float32)
 
-    def gradient(self, by_pixel: Float[np.ndarray, "4 h w"]) -> Float[np.ndarray, "c 4"]:
+    def gradient(self, by_pixel: Float[np.ndarray, "d h w"]) -> Float[np.ndarray, "c d"]:
         """Return the gradient by the latents of a function whose gradient by the view is `by_pixel`."""
         return np.asarray(self.weights.T @ by_pixel.reshape(len(by_pixel), -1).T)
 

@@ -1,4 +1,4 @@
-"""Stage `bake`: decode rendered latent views and project them onto the texture."""
+"""Stage `bake`: decode rendered latent views (RGB ones are as they are) and project them onto the texture."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from PIL import Image
 
 from pipeline.diffusion.bundle import STABLE_DIFFUSION_LATENTS, read_json
 from pipeline.diffusion.sessions import vae_decoder
-from pipeline.scene.baking import MARGIN, bake_cameras, bake_texture, extend_foreground
+from pipeline.scene.baking import MARGIN, bake_cameras, bake_texture, decoded_views, rgb_views
 from pipeline.scene.mesh import bounding_radius, read_obj
 from pipeline.scene.rendering import render_views
 from pipeline.scene.scene import load_scene
@@ -17,6 +17,8 @@ from pipeline.scene.silhouettes import comparison_cameras, mean_iou, opacity_mas
 from pipeline.stage import Context, Progress, execute
 
 COMPARED_VIEWS, COMPARED_SIZE = 24, 96
+PIXELS_PER_LATENT = 2
+"""A refined scene is rendered this much finer than a latent one: there is no decoder to add detail."""
 
 
 def view_resolution(description: Path | None) -> int:
@@ -36,22 +38,21 @@ def main(context: Context) -> None:
     mesh = read_obj(context.inputs["mesh"])
     scene = load_scene(context.inputs["scene"])
     cameras = bake_cameras(options.views, bounding_radius(mesh))
-    resolution = options.view_resolution or view_resolution(context.inputs.get("description"))
-    rendered = render_views(scene, cameras, resolution, np.zeros(4, np.float32))
-    pictures = []
-    with (
-        vae_decoder(context.inputs["vae_decoder"], provider=context.job.provider) as decode,
-        Progress("bake", len(cameras), "views") as progress,
-    ):
-        for done, (latents, opacity) in enumerate(zip(rendered.latents, rendered.opacity, strict=True), 1):
-            latents = extend_foreground(latents, opacity, opacity_masks(opacity)[0])
-            pictures.append(decode(latents[None])[0])
-            progress.update(done)
+    with Progress("bake", len(cameras), "views") as progress:
+        if scene.rgb is not None:
+            pixels = PIXELS_PER_LATENT * view_resolution(context.inputs.get("description"))
+            resolution = options.view_resolution or pixels
+            pictures = rgb_views(scene, cameras, resolution)
+        else:
+            resolution = options.view_resolution or view_resolution(context.inputs.get("description"))
+            with vae_decoder(context.inputs["vae_decoder"], provider=context.job.provider) as decode:
+                pictures = decoded_views(scene, cameras, resolution, decode, progress.update)
     margin = MARGIN * len(pictures[0]) / resolution
     texture, figures = bake_texture(mesh, cameras, pictures, options.texture, margin)
 
     compared = comparison_cameras(COMPARED_VIEWS)
-    opaque, _ = opacity_masks(render_views(scene, compared, COMPARED_SIZE).opacity)
+    seen = render_views(scene, compared, COMPARED_SIZE, np.zeros(4, np.float32))
+    opaque, _ = opacity_masks(seen.opacity)
     context.metrics.update(
         **figures,
         silhouette_iou=mean_iou(silhouettes(mesh, compared, COMPARED_SIZE), opaque),

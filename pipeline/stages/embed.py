@@ -4,6 +4,7 @@ Texts are embedded once here, never in a training step. Backgrounds are the late
 puts the object before a random one, so that no fixed background can hide parts of it.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,6 +17,8 @@ from pipeline.diffusion.onnx_file import read_onnx
 from pipeline.diffusion.prompts import view_suffixes
 from pipeline.diffusion.sessions import Encode, EncodeText, text_encoder, vae_encoder
 from pipeline.diffusion.tokenizer import ClipTokenizer, load_tokenizer, unknown_words
+from pipeline.diffusion.tokens import insert_tokens, read_token, readable, token_table
+from pipeline.scene.background import flat_colours
 from pipeline.stage import Context, execute
 
 BACKGROUND_PIXELS = 128
@@ -44,11 +47,11 @@ def prepare_texts(
     window = f"is longer than the model's window of {tokenizer.length} tokens; cut:"
     prompt, cut = tokenizer.fit(prompt.strip(), suffixes)
     if cut:
-        warnings.append(f"the prompt {window} {_shown(cut)}")
+        warnings.append(f"the prompt {window} {_shown(readable(cut))}")
     negative, cut = tokenizer.fit(negative.strip())
     if cut:
-        warnings.append(f"the negative prompt {window} {_shown(cut)}")
-    if unknown := unknown_words(f"{prompt} {negative}", known_words):
+        warnings.append(f"the negative prompt {window} {_shown(readable(cut))}")
+    if unknown := unknown_words(readable(f"{prompt} {negative}"), known_words):
         warnings.append(
             f"the model has never seen these words, expect them to be ignored: {_shown(', '.join(unknown))}"
         )
@@ -67,12 +70,6 @@ def embed_texts(
     distinct = list(dict.fromkeys(texts))
     rows = {text: encode_text(tokenizer.encode(text)[None])[0] for text in distinct}
     return np.stack([rows[text] for text in texts])
-
-
-def flat_colours() -> Float32[np.ndarray, "64 3"]:
-    """Return 64 colours evenly over the RGB cube, black, white and greys among them."""
-    steps = np.linspace(0, 1, 4, dtype=np.float32)
-    return np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), -1).reshape(-1, 3)
 
 
 def flat_latents(
@@ -102,16 +99,20 @@ def main(context: Context) -> None:
     """Write embeddings.npz: cond, uncond, view_texts, view_prompts and, with a VAE encoder, backgrounds."""
     bundle = open_bundle(context.inputs["text_encoder"].parent, verify=False)
     tokenizer = load_tokenizer(context.inputs["tokenizer"])
-    texts = prepare_texts(
-        context.job.prompt, context.job.negative, tokenizer, bundle.view_prompts, bundle.known_words
-    )
+    prompt, negative, learned = context.job.prompt, context.job.negative, None
+    if files := [path for name, path in context.inputs.items() if re.fullmatch(r"token\d+", name)]:
+        tokens = [read_token(path) for path in files]
+        table = token_table(context.inputs["text_encoder"], tokenizer)
+        (prompt, negative), tokenizer, learned = insert_tokens(tokens, prompt, [negative], tokenizer, table)
+        context.metrics["tokens"] = {file.name: len(t.vectors) for file, t in zip(files, tokens, strict=True)}
+    texts = prepare_texts(prompt, negative, tokenizer, bundle.view_prompts, bundle.known_words)
     context.metrics["warnings"] = texts.warnings
-    with text_encoder(context.inputs["text_encoder"], provider=context.job.provider) as encode_text:
+    with text_encoder(context.inputs["text_encoder"], learned, context.job.provider) as encode_text:
         rows = embed_texts([*texts.views, texts.negative], tokenizer, encode_text)
     arrays = {
         "cond": rows[:-1],
         "uncond": rows[-1],
-        "view_texts": np.array(texts.views),
+        "view_texts": np.array([readable(text) for text in texts.views]),
         "view_prompts": np.array(bundle.view_prompts),
     }
     if "vae_encoder" in context.inputs:

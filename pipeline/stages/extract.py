@@ -139,7 +139,7 @@ def main(context: Context) -> None:
     options = context.job.extract
     scene = load_scene(context.inputs["scene"])
     cameras = comparison_cameras(options.views)
-    opacity = render_views(scene, cameras, SILHOUETTE_SIZE).opacity
+    opacity = render_views(scene, cameras, SILHOUETTE_SIZE, np.zeros(4, np.float32)).opacity
     occupied = scene.occupancy.occupied
     samples = sample_logarithm(lambda points: scene_density(scene, points), occupied, options.resolution)
     with Progress("extract", COARSE + ROUNDS * FINE, "thresholds") as progress:

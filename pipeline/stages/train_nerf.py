@@ -14,11 +14,12 @@ from pipeline.diffusion.bundle import open_bundle
 from pipeline.diffusion.guidance import diffusion_guidance, flat_backgrounds, load_embeddings
 from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.sessions import denoiser
+from pipeline.divergence import explained
 from pipeline.nerf_options import TrainNerf
 from pipeline.report.latents import latent_preview
 from pipeline.scene import checkpoint, occupancy
-from pipeline.scene.batch import Guidance
-from pipeline.scene.cameras import ring
+from pipeline.scene.batch import Guidance, require_finite
+from pipeline.scene.cameras import Camera, ring
 from pipeline.scene.rendering import render_views
 from pipeline.scene.scene import Scene, density, save_scene
 from pipeline.scene.sketch import Sketch, load_sketch
@@ -48,9 +49,26 @@ def train(
     Raises:
         FloatingPointError: a NaN or an infinity, named by tensor and step.
     """
-    with Progress("train_nerf", options.steps, "steps") as progress:
+
+    def step(state: State) -> Figures:
+        return training_step(state, options, resolution, guidance, sketch)
+
+    take_steps("train_nerf", state, history, options, step, keep, show)
+
+
+def take_steps(
+    name: str,
+    state: State,
+    history: list[dict[str, Any]],
+    options: TrainNerf,
+    step: Callable[[State], Figures],
+    keep: Callable[[State, list[dict[str, Any]]], None],
+    show: Callable[[Scene], None],
+) -> None:
+    """Take the steps of the stage `name` that are not done yet, then settle the occupancy; see `train`."""
+    with Progress(name, options.steps, "steps") as progress:
         while state.step < options.steps:
-            figures = training_step(state, options, resolution, guidance, sketch)
+            figures = step(state)
             history.append(_row(state.step, figures))
             progress.update(
                 state.step, f"gradient {figures.gradient_norm:.2f}, opacity {figures.opacity:.2f}"
@@ -61,6 +79,17 @@ def train(
                 show(state.scene)
     scene = state.scene
     scene.occupancy = occupancy.settle(lambda x: density(scene, x), scene.step, state.rng)
+    require_finite("density", scene.occupancy.density, state.step)
+
+
+def preview_cameras(options: TrainNerf) -> list[Camera]:
+    """Return the cameras of the picture that shows how training goes."""
+    return ring(
+        _PREVIEW_VIEWS,
+        np.deg2rad(75),
+        float(np.mean(options.radius)),
+        float(np.deg2rad(np.mean(options.fov_degrees))),
+    )
 
 
 def collapse(history: list[dict[str, Any]]) -> list[str]:
@@ -98,21 +127,14 @@ def main(context: Context) -> None:
     resumed_at = state.step
 
     def show(scene: Scene) -> None:
-        cameras = ring(
-            _PREVIEW_VIEWS,
-            np.deg2rad(75),
-            float(np.mean(options.radius)),
-            float(np.deg2rad(np.mean(options.fov_degrees))),
-        )
         partial = context.scratch / f".{PREVIEW}"
-        views = render_views(scene, cameras, resolution)
+        views = render_views(scene, preview_cameras(options), resolution)
         latent_preview(views.latents, views.opacity, bundle).save(partial, format="PNG")
         files.publish([(partial, context.scratch / PREVIEW)])
 
-    with denoiser(context.inputs["unet"], provider=context.job.provider) as denoise:
-        guidance = diffusion_guidance(
-            denoise, schedule, embeddings, options.predicted_clean_clamp, options.signal_power
-        )
+    where = explained("train_nerf", "train_nerf", lambda: state.step, context.scratch)
+    with denoiser(context.inputs["unet"], provider=context.job.provider) as denoise, where:
+        guidance = diffusion_guidance(denoise, schedule, embeddings, options)
         train(
             state,
             history,
@@ -127,19 +149,21 @@ def main(context: Context) -> None:
     warnings += collapse(history)
     save_scene(context.outputs["scene"], state.scene)
     context.outputs["history"].write_text(json.dumps(history, allow_nan=False) + "\n", encoding="utf-8")
-    context.metrics.update(
-        steps=options.steps,
-        resumed_at=resumed_at,
-        resolution=resolution,
-        opacity=history[-1]["opacity"],
-        gradient_norm=history[-1]["gradient_norm"],
-        shape_loss=history[-1]["shape"],
-        occupied_share=float(state.scene.occupancy.occupied.mean()),
-        samples_per_step=float(np.mean([row["samples"] for row in history])),
-        seconds={
-            part: round(sum(row["seconds"][part] for row in history), 3) for part in history[0]["seconds"]
-        },
-    )
+    context.metrics.update(resumed_at=resumed_at, resolution=resolution, **summary(state, history))
+
+
+def summary(state: State, history: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the figures of a finished training for the manifest."""
+    last = history[-1]
+    return {
+        "steps": state.step,
+        "opacity": last["opacity"],
+        "gradient_norm": last["gradient_norm"],
+        "shape_loss": last["shape"],
+        "occupied_share": float(state.scene.occupancy.occupied.mean()),
+        "samples_per_step": float(np.mean([row["samples"] for row in history])),
+        "seconds": {part: round(sum(row["seconds"][part] for row in history), 3) for part in last["seconds"]},
+    }
 
 
 def _row(step: int, figures: Figures) -> dict[str, Any]:

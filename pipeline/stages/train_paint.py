@@ -1,7 +1,4 @@
-"""Stage `train_paint`: distil what the denoiser knows of the prompt into the colours of a given mesh.
-
-Letters: k flat backgrounds.
-"""
+"""Stage `train_paint`: distil what the denoiser knows of the prompt into the colours of a given mesh."""
 
 from __future__ import annotations
 
@@ -11,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float
 from torch import nn
 
 from pipeline import checkpoint_files, files
@@ -19,6 +15,7 @@ from pipeline.diffusion.bundle import open_bundle
 from pipeline.diffusion.guidance import diffusion_guidance, flat_backgrounds, load_embeddings
 from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.sessions import denoiser
+from pipeline.divergence import explained
 from pipeline.paint_options import TrainPaint
 from pipeline.report.latents import latent_preview
 from pipeline.scene.batch import Guidance
@@ -40,17 +37,20 @@ def train(
     guidance: Guidance,
     keep: Callable[[PaintState, History], None] = lambda state, history: None,
     show: Callable[[PaintState], None] = lambda state: None,
+    name: str = "train_paint",
+    noise_size: int | None = None,
 ) -> None:
-    """Take the steps that `state` has not done yet; record each in `history`.
+    """Take the steps of the stage `name` that `state` has not done yet; record each in `history`.
 
-    `keep` is called every `checkpoint_every` steps, `show` every `preview_every` steps.
+    `keep` is called every `checkpoint_every` steps, `show` every `preview_every` steps. `noise_size`: see
+    `paint_step`.
 
     Raises:
         FloatingPointError: a NaN or an infinity, named by tensor and step.
     """
-    with Progress("train_paint", options.steps, "steps") as progress:
+    with Progress(name, options.steps, "steps") as progress:
         while state.step < options.steps:
-            figures = paint_step(state, options, pool, guidance)
+            figures = paint_step(state, options, pool, guidance, noise_size)
             seconds = {part: round(value, 5) for part, value in figures.seconds.items()}
             history.append({"step": state.step, **figures._asdict(), "seconds": seconds})
             progress.update(state.step, f"gradient {figures.gradient_norm:.2f}")
@@ -72,13 +72,12 @@ def encode_state(state: PaintState, history: History) -> dict[str, np.ndarray]:
 
 
 def decode_state(
-    values: Mapping[str, np.ndarray],
-    options: TrainPaint,
-    pool: Pool,
-    backgrounds: Float[np.ndarray, "k 4"],
+    values: Mapping[str, np.ndarray], options: TrainPaint, state: PaintState
 ) -> tuple[PaintState, History]:
-    """Return what `encode_state` took apart. Raises ValueError if it belongs to other options."""
-    state = initial_paint(options, pool, backgrounds, 0)
+    """Return what `encode_state` took apart, put into `state`, an initial one of the same options.
+
+    Raises ValueError if it belongs to other options.
+    """
     try:
         progress = json.loads(values["progress"].tobytes())
         saved = {
@@ -111,7 +110,8 @@ def main(context: Context) -> None:
     warnings: list[str] = context.metrics.setdefault("warnings", [])
 
     found, damaged = checkpoint_files.read_newest(
-        context.scratch, lambda values: decode_state(values, options, pool, backgrounds)
+        context.scratch,
+        lambda values: decode_state(values, options, initial_paint(options, pool, backgrounds, 0)),
     )
     state, history = found or (initial_paint(options, pool, backgrounds, context.job.seed), [])
     say(
@@ -133,10 +133,9 @@ def main(context: Context) -> None:
     def keep(state: PaintState, history: History) -> None:
         checkpoint_files.write(context.scratch, state.step, encode_state(state, history))
 
-    with denoiser(context.inputs["unet"], provider=context.job.provider) as denoise:
-        guidance = diffusion_guidance(
-            denoise, schedule, embeddings, options.predicted_clean_clamp, options.signal_power
-        )
+    where = explained("train_paint", "train_paint", lambda: state.step, context.scratch)
+    with denoiser(context.inputs["unet"], provider=context.job.provider) as denoise, where:
+        guidance = diffusion_guidance(denoise, schedule, embeddings, options)
         train(state, history, options, pool, guidance, keep, show)
 
     latents, figures = complete(mesh, pool.seen, state.colours.detach().numpy(), texture)

@@ -6,7 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.diffusion.distillation import DREAMFUSION_POWER, LATENT_NERF_POWER, SdsStep, sds_gradient
+from pipeline.diffusion.distillation import (
+    DREAMFUSION_POWER,
+    LATENT_NERF_POWER,
+    Opposed,
+    SdsStep,
+    perpendicular,
+    sds_gradient,
+)
 from pipeline.diffusion.schedule import Schedule
 from pipeline.diffusion.sessions import denoiser
 from tests.tiny_bundle import DISC, WIDTH, alphas_cumprod, disc, write_unet
@@ -15,6 +22,8 @@ SHAPE = (3, 4, 6, 6)
 TIMESTEPS = np.array([25, 400, 999])
 RANDOM = np.random.default_rng(0)
 LATENTS, NOISE, OUTPUT_COND, OUTPUT_UNCOND = RANDOM.normal(size=(4, *SHAPE)).astype(np.float32)
+OUTPUT_OPPOSED = np.random.default_rng(7).normal(size=SHAPE).astype(np.float32)
+OPPOSED = np.full((3, 5, 7), 9, np.float32)
 COND = RANDOM.normal(size=(3, 5, 7)).astype(np.float32)
 UNCOND = np.zeros((5, 7), np.float32)
 
@@ -31,7 +40,10 @@ class FakeDenoiser:
         told = (text != 0).any((1, 2))
         rows = np.arange(len(sample)) % 3
         assert np.array_equal(timesteps, TIMESTEPS[rows])
-        return np.where(told[:, None, None, None], OUTPUT_COND[rows], OUTPUT_UNCOND[rows])
+        result = np.where(told[:, None, None, None], OUTPUT_COND[rows], OUTPUT_UNCOND[rows])
+        away = (text == 9).all((1, 2))
+        result[away] = OUTPUT_OPPOSED[rows[away]]
+        return result
 
 
 def run(kind: str = "epsilon", scale: float = 7.5, **options: Any) -> tuple[SdsStep, FakeDenoiser]:
@@ -141,3 +153,50 @@ def test_descent_on_the_ideal_denoiser_of_a_gaussian_ends_at_its_mean(
                 average += latents / 200
     mean = DISC[:, None, None] * disc(64).reshape(16, 4, 16, 4).mean((1, 3))
     np.testing.assert_allclose(average, np.broadcast_to(mean, average.shape), atol=0.06)
+
+
+def test_a_mix_of_two_vectors_has_no_part_along_the_other() -> None:
+    apart = perpendicular(OUTPUT_OPPOSED.astype(np.float64), OUTPUT_COND.astype(np.float64))
+    np.testing.assert_allclose((apart * OUTPUT_COND).sum((1, 2, 3)), 0, atol=1e-4)
+    along = OUTPUT_OPPOSED - apart
+    np.testing.assert_allclose(perpendicular(along, OUTPUT_COND.astype(np.float64)), 0, atol=1e-6)
+    assert np.array_equal(perpendicular(OUTPUT_COND, np.zeros_like(OUTPUT_COND)), OUTPUT_COND)
+
+
+@pytest.mark.parametrize("kind", ["epsilon", "v_prediction", "sample"])
+def test_perp_neg_is_its_definition_whatever_the_network_predicts(kind: str) -> None:
+    """Equation 11 of the paper, done on eps in float64."""
+    weight = np.array([0.0, 0.5, 2.0])
+    step, fake = run(kind, 7.5, opposed=Opposed(OPPOSED, weight))
+    assert fake.batches == [9]
+    abar = alphas_cumprod()[TIMESTEPS].reshape(-1, 1, 1, 1)
+    noisy = np.sqrt(abar) * LATENTS.astype(np.float64) + np.sqrt(1 - abar) * NOISE
+    to_eps = {
+        "epsilon": lambda v: v.astype(np.float64),
+        "v_prediction": lambda v: np.sqrt(abar) * v + np.sqrt(1 - abar) * noisy,
+        "sample": lambda v: (noisy - np.sqrt(abar) * v) / np.sqrt(1 - abar),
+    }[kind]
+    without, told, against = (to_eps(v) for v in (OUTPUT_UNCOND, OUTPUT_COND, OUTPUT_OPPOSED))
+    positive, negative = (v.reshape(3, -1) for v in (told - without, against - without))
+    share = (positive * negative).sum(1) / (positive**2).sum(1)
+    apart = (negative - share[:, None] * positive).reshape(SHAPE)
+    guided = without + 7.5 * (told - without - weight.reshape(-1, 1, 1, 1) * apart)
+    expected = np.sqrt(abar) * (1 - abar) * (guided - NOISE)
+    np.testing.assert_allclose(step.gradient, expected, atol=1e-5 * np.abs(expected).max())
+    np.testing.assert_array_equal(step.gradient[0], run(kind, 7.5)[0].gradient[0])
+
+
+def test_rescaling_takes_the_spread_back_to_that_of_the_text_alone() -> None:
+    alone, guided = run(scale=1.0)[0].predicted_clean, run(scale=20.0)[0].predicted_clean
+    full = run(scale=20.0, rescale=1.0)[0].predicted_clean
+    half = run(scale=20.0, rescale=0.5)[0].predicted_clean
+    assert (guided.std((1, 2, 3)) > 2 * alone.std((1, 2, 3))).all()
+    np.testing.assert_allclose(full.std((1, 2, 3)), alone.std((1, 2, 3)), rtol=1e-5)
+    np.testing.assert_allclose(half, (full + guided) / 2, rtol=1e-4, atol=1e-4)
+
+
+def test_the_gradient_is_bounded_where_it_is_asked_to_be() -> None:
+    free, clipped = run()[0].gradient, run(gradient_clip=0.2)[0]
+    assert np.abs(free).max() > 1
+    np.testing.assert_allclose(clipped.gradient, free.clip(-0.2, 0.2), atol=0)
+    assert clipped.gradient_norm <= 0.2

@@ -47,11 +47,26 @@ class Tiny(nn.Module):
         return latents
 
 
+class Repeating(nn.Module):
+    """Convolutions that repeat the edge, as the default model's encoder has them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.body = nn.Sequential(
+            nn.PixelUnshuffle(4), nn.Conv2d(48, 8, 3, padding=1, padding_mode="replicate"), nn.SiLU(),
+            nn.Conv2d(8, 4, 3, padding=(1, 2), padding_mode="replicate"),
+        )  # fmt: skip
+
+    def forward(self, sample: Tensor) -> Tensor:
+        latents: Tensor = self.body(sample)
+        return latents
+
+
 def picture(seed: int) -> Tensor:
     return torch.rand(1, 3, SIZE, SIZE, generator=torch.Generator().manual_seed(seed)) * 2 - 1
 
 
-@pytest.mark.parametrize("kind", [Mean, Tiny])
+@pytest.mark.parametrize("kind", [Mean, Tiny, Repeating])
 def test_it_equals_autograd_through_the_runtime(kind: type[nn.Module], tmp_path: Path) -> None:
     torch.manual_seed(0)
     encoder = kind().eval()

@@ -167,6 +167,8 @@ def test_draws_stay_in_their_ranges_and_follow_the_annealing() -> None:
         timestep_max_end=0.3,
         guidance_scale=20,
         guidance_scale_end=5,
+        gradient_clip=0.5,
+        gradient_clip_end=2.0,
         radius=(1.1, 1.2),
         polar_degrees=(30, 60),
         **SMALL,
@@ -175,6 +177,7 @@ def test_draws_stay_in_their_ranges_and_follow_the_annealing() -> None:
     for progress, top, scale in ((0.0, 0.9, 20), (0.5, 0.6, 12.5), (1.0, 0.3, 5)):
         batch = draw_batch(options, progress, SIZE, state.scene, state.rng)
         assert batch.guidance_scale == scale
+        assert batch.gradient_clip == pytest.approx(0.5 + 1.5 * progress)
         parts = np.floor((batch.noise_levels - 0.1) / (top - 0.1) * 8)
         np.testing.assert_array_equal(np.sort(parts), np.arange(8))
         assert ((batch.polars >= np.deg2rad(30)) & (batch.polars <= np.deg2rad(60))).all()
@@ -183,6 +186,14 @@ def test_draws_stay_in_their_ranges_and_follow_the_annealing() -> None:
         assert all(any(np.array_equal(b, known) for known in BACKGROUNDS) for b in batch.backgrounds)
         distances = [np.linalg.norm(camera.pose[:3, 3]) for camera in batch.cameras]
         assert all(1.1 <= d <= 1.2 for d in distances)
+
+
+def test_the_noise_may_fall_with_the_root_of_the_progress() -> None:
+    options = TrainNerf(timestep_max=0.9, timestep_max_end=0.3, timestep_annealing="sqrt", **SMALL)
+    state = initial_state(options, BACKGROUNDS, 0)
+    for progress, top in ((0.0, 0.9), (0.25, 0.6), (1.0, 0.3)):
+        levels = draw_batch(options, progress, SIZE, state.scene, state.rng).noise_levels
+        assert top - (top - 0.02) / len(levels) <= levels.max() <= top
 
 
 def test_entropy_matches_its_formula_and_is_finite_at_its_ends() -> None:

@@ -1,16 +1,21 @@
 """Stage embed on the tiny bundle: rows, backgrounds, warnings, equal bytes."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
+from safetensors.torch import save_file
 
 from pipeline.diffusion.onnx_file import read_onnx
 from pipeline.diffusion.sessions import text_encoder, vae_decoder
 from pipeline.diffusion.tokenizer import load_tokenizer
+from pipeline.errors import InputError
 from pipeline.job import Job
+from pipeline.scene.background import flat_colours
 from pipeline.stage import Context
-from pipeline.stages.embed import embed_texts, flat_colours, flat_latents, main, prepare_texts
+from pipeline.stages.embed import embed_texts, flat_latents, main, prepare_texts
 from tests.tiny_bundle import SCALE, WIDTH, WINDOW, save_graph, write_tiny_bundle
 
 
@@ -148,3 +153,27 @@ def test_backgrounds_follow_a_fixed_size_graph(bundle: Path, tmp_path: Path) -> 
     np.testing.assert_allclose(
         arrays["backgrounds"][:, :3], SCALE * (2 * arrays["background_rgb"] - 1), atol=1e-5
     )
+
+
+def with_token(bundle: Path, folder: Path, prompt: str, **more: object) -> Context:
+    made = context(bundle, folder, prompt)
+    save_file({"<cat>": torch.from_numpy(np.full((2, WIDTH), 0.5, np.float32))}, folder / "cat.safetensors")
+    return dataclasses.replace(made, inputs={**made.inputs, "token0": folder / "cat.safetensors"}, **more)
+
+
+def test_a_learned_token_stands_in_every_view(tmp_path: Path) -> None:
+    bundle = write_tiny_bundle(tmp_path / "model", learned_tokens=True)
+    made = with_token(bundle, tmp_path / "with", "a red <cat>")
+    main(made)
+    with np.load(made.outputs["embeddings"]) as file:
+        rows, texts = file["cond"], file["view_texts"]
+    assert texts[0] == "a red *, front view"
+    assert made.metrics == {"tokens": {"cat.safetensors": 2}, "warnings": []}
+    plain, _ = run(bundle, tmp_path / "without", "a red ball")
+    assert np.abs(rows - plain["cond"]).max() > 0.1
+    np.testing.assert_array_equal(rows[:, :3], plain["cond"][:, :3])  # begin, "a", "red" come before it
+
+
+def test_a_model_that_takes_no_tokens_says_what_to_do(bundle: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"token_embeddings.* export the model again"):
+        main(with_token(bundle, tmp_path, "a red <cat>"))

@@ -1,0 +1,105 @@
+"""Which ways of guiding are worth their time? One option changed at a time, on the same prompts.
+
+    make bench ONLY=guidance
+
+`agreement`: the probability that the classifier of the default model's benchmark gives the prompt's noun.
+`front_from_behind`: two faces. The denoiser itself says whether a view from behind looks more like "front
+view" than "back view": noise is added to the rendered latents, and the text under which it is removed better
+has the vote (Li et al. 2023, a diffusion model is a zero-shot classifier); the share of votes for the front.
+`saturation`: mean HSV saturation of the object. `seconds`: of a step, the median, over that of the base.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from benchmarks import _scenes as scenes
+from benchmarks.refine import rounded
+from pipeline.diffusion.guidance import Embeddings, load_embeddings
+from pipeline.diffusion.prompts import view_index
+from pipeline.diffusion.schedule import load_schedule
+from pipeline.diffusion.sessions import denoiser
+from pipeline.scene.cameras import orbit_camera
+from pipeline.scene.rendering import render_views
+from pipeline.scene.scene import load_scene
+
+PROMPT_COUNT = 8
+NOISE_LEVELS, DRAWS = (400, 550, 700), 4
+BEHIND = np.radians([150.0, 180.0, 210.0])
+OPTIONS: dict[str, dict[str, Any]] = {
+    "base": {},
+    "interpolated": {"view_text": "interpolated"},
+    "perp-neg": {"perp_neg": 1.0},
+    "both": {"view_text": "interpolated", "perp_neg": 1.0},
+    "rescale 0.5": {"guidance_rescale": 0.5},
+    "clip 0.5": {"gradient_clip": 0.5},
+    "clip 0.5 to 2": {"gradient_clip": 0.5, "gradient_clip_end": 2.0},
+    "sqrt annealing": {"timestep_annealing": "sqrt"},
+    "no annealing": {"timestep_max": 0.98, "timestep_max_end": 0.98},
+    "guidance 30": {"guidance_scale": 30.0, "guidance_scale_end": 30.0},
+}
+
+
+def front_from_behind(scene_file: Path, embeddings: Embeddings) -> float:
+    """Return the share of votes by which views from behind are taken for the front, in [0, 1]."""
+    bundle = scenes.model()
+    schedule, scene = load_schedule(bundle.path / "scheduler"), load_scene(scene_file)
+    cameras = [orbit_camera(a, np.radians(75), 2.5, np.radians(40)) for a in BEHIND]
+    latents = render_views(scene, cameras, bundle.latent_size).latents
+    level = np.full(2, np.radians(75))
+    front, back = embeddings.cond[view_index(embeddings.view_prompts, np.array([0, np.pi]), level)]
+    votes = []
+    with denoiser(bundle.path / "unet") as denoise:
+        for number, timestep in enumerate(NOISE_LEVELS * DRAWS):
+            noise = np.random.default_rng(number).standard_normal(latents.shape, np.float32)
+            timesteps = np.full(len(latents), timestep)
+            noisy = schedule.add_noise(latents, noise, timesteps)
+
+            def error(
+                text: Float[np.ndarray, "l d"], x: np.ndarray = noisy, t: np.ndarray = timesteps
+            ) -> np.ndarray:
+                told = denoise(x, t, np.broadcast_to(text, (len(x), *text.shape)))
+                return np.square(schedule.to_clean(told, x, t) - latents).mean((1, 2, 3))
+
+            votes.append(error(front) < error(back))
+    return float(np.mean(votes))
+
+
+def main(folder: Path) -> dict[str, Any]:
+    """Train every prompt with every option; write a sheet of pictures, an option a column."""
+    judged = scenes.judge()
+    rows: list[dict[str, Any]] = []
+    pictures = []
+    for prompt in scenes.chosen(PROMPT_COUNT):
+        for name, section in OPTIONS.items():
+            work = scenes.WORK / "guidance" / prompt.replace(" ", "-") / name.replace(" ", "-")
+            scenes.train(scenes.make_job(prompt, work, {"train_nerf": section}), work)
+            with scenes.open_decoder() as decode:
+                looks = scenes.look(work / "field.npz", decode)
+            rows.append({
+                "prompt": prompt,
+                "option": name,
+                "agreement": scenes.agreement(judged, looks, prompt),
+                "rank": scenes.rank(judged, looks, prompt),
+                "front_from_behind": front_from_behind(
+                    work / "field.npz", load_embeddings(work / "embeddings.npz")
+                ),
+                "saturation": scenes.saturation(looks),
+                "seconds": scenes.step_seconds(work / "training.json"),
+            })  # fmt: skip
+            pictures.append((f"{prompt}: {name}", scenes.strip(looks)))
+    scenes.contact_sheet(folder / "guidance.png", pictures, len(OPTIONS))
+    table = {name: figures([r for r in rows if r["option"] == name]) for name in OPTIONS}
+    base = table["base"]["seconds"]
+    for row in table.values():
+        row["seconds"] = round(row["seconds"] / base, 3)
+    return {"summary": table, "scenes": rows}
+
+
+def figures(rows: list[dict[str, Any]]) -> dict[str, float]:
+    """Return the means over prompts."""
+    names = ("agreement", "front_from_behind", "saturation", "seconds")
+    mean = {name: float(np.mean([row[name] for row in rows])) for name in names}
+    return rounded({**mean, "noun_top5": float(np.mean([row["rank"] <= 5 for row in rows]))})

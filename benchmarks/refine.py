@@ -1,0 +1,92 @@
+"""Does RGB refinement pay for itself? Before and after, in its variants, on the same latent scenes.
+
+    make bench ONLY=refine
+
+Variants: `fit` (the RGB field is fitted to decoded views, no distillation), `encoder` and `image`
+(distillation through the encoder's gradient, or towards decoded pictures) after that fit, and `encoder-alone`
+(the paper's: distillation from the linear layer). `before` is the latent scene, decoded. Sharpness is the
+gradient energy of the renders inside the object; `agreement` the probability that the classifier of the
+default model's benchmark gives the prompt's noun; `likeness` the PSNR [dB] against the decoded views. Where
+the bundle lacks vae_encoder_vjp, its two variants are left out.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import _scenes as scenes
+
+PROMPT_COUNT = 8
+CHOSEN = "encoder"
+"""What REFINE=1 does by default where the bundle can."""
+VARIANTS: dict[str, dict[str, Any]] = {
+    "fit": {"steps": 0, "fit_steps": 60},
+    "image": {"gradient": "image"},
+    "encoder": {"gradient": "encoder"},
+    "encoder-alone": {"gradient": "encoder", "fit_steps": 0},
+}
+
+
+def main(folder: Path) -> dict[str, Any]:
+    """Refine the scene of every prompt in every way; write one sheet of pictures, a row a scene and way."""
+    judged = scenes.judge()
+    has_gradient = (scenes.model().path / "vae_encoder_vjp").is_dir()
+    variants = {name: v for name, v in VARIANTS.items() if has_gradient or v.get("gradient") != "encoder"}
+    chosen = CHOSEN if CHOSEN in variants else "image"
+    rows: list[dict[str, Any]] = []
+    pictures = []
+    for prompt in scenes.chosen(PROMPT_COUNT):
+        work = scenes.WORK / "refine" / prompt.replace(" ", "-")
+        for name, section in {"before": {}, **variants}.items():
+            job = scenes.make_job(prompt, work, {"refinement": section} if section else {})
+            scenes.train(job, work)
+            row = {"prompt": prompt, "variant": name}
+            if name == "before":
+                with scenes.open_decoder() as decode:
+                    looks = scenes.look(work / "field.npz", decode)
+                latent_step = row["step_seconds"] = scenes.step_seconds(work / "training.json")
+            else:
+                metrics = scenes.refined(job, work)
+                (work / "refine.json").rename(work / f"refine-{name}.json")
+                looks = scenes.look(work / "field_rgb.npz")
+                step = scenes.step_seconds(work / "refinement.json", job.refinement.fit_steps)
+                row |= {
+                    "start_psnr": metrics["start_psnr"],
+                    "likeness": metrics["end_psnr"],
+                    "step_seconds": step,
+                }
+                row["step_ratio"] = step / latent_step
+            row |= {
+                "sharpness": scenes.sharpness(looks),
+                "agreement": scenes.agreement(judged, looks, prompt),
+                "rank": scenes.rank(judged, looks, prompt),
+            }
+            rows.append(row)
+            pictures.append((f"{prompt}: {name}, rank {row['rank']}", scenes.strip(looks)))
+    scenes.contact_sheet(folder / "refine.png", pictures, 1 + len(variants))
+    table = {name: means([r for r in rows if r["variant"] == name]) for name in ("before", *variants)}
+    summary = {
+        "start_psnr": table[chosen]["start_psnr"],
+        "sharpness_gain": table[chosen]["sharpness"] / max(table["before"]["sharpness"], 1e-9),
+        "noun_top5_before": table["before"]["noun_top5"],
+        "noun_top5_after": table[chosen]["noun_top5"],
+        "step_ratio": table[chosen]["step_ratio"],
+    }
+    return {"summary": rounded(summary), "chosen": chosen, "variants": table, "scenes": rows}
+
+
+def means(rows: list[dict[str, Any]]) -> dict[str, float]:
+    """Return the mean of every figure of some rows, the ratio's median, and the share among the first
+    five."""
+    figures = {k for k, v in rows[0].items() if isinstance(v, float)}
+    mean = {
+        k: float((np.median if k.startswith("step") else np.mean)([r[k] for r in rows]))
+        for k in sorted(figures)
+    }
+    return rounded({**mean, "noun_top5": float(np.mean([r["rank"] <= 5 for r in rows]))})
+
+
+def rounded(values: dict[str, float]) -> dict[str, float]:
+    """Return figures with four digits behind the point."""
+    return {name: round(value, 4) for name, value in values.items()}

@@ -1,0 +1,188 @@
+"""Textual inversion on the default bundle: learn a token from a few pictures of one object.
+
+`make learn-token IMAGES=dir NAME=mine` writes tokens/mine.safetensors, for `make run PROMPT="a <mine>"
+TOKEN=tokens/mine.safetensors`. Gal et al. 2022: all weights stay as they are, only the token's embeddings are
+trained, by the denoiser's own loss on the pictures. They start from the known noun that explains the pictures
+best. A file name may say from where a picture is taken, front.png, back-left-2.png: the caption then says so.
+"""
+
+import argparse
+import itertools
+import os
+import re
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from PIL import Image
+from safetensors.torch import save_file
+from torch.nn import functional as F
+
+from export.everyday_objects.dataset import IMAGE_SIZE
+from export.everyday_objects.denoiser import Denoiser
+from export.everyday_objects.export_bundle import NAME
+from export.everyday_objects.nouns import NOUNS
+from export.everyday_objects.restore import Networks, restore_networks
+from export.everyday_objects.text_encoder import WIDTH, TextEncoder
+from export.everyday_objects.train_autoencoder import to_batch
+from export.everyday_objects.train_denoiser import VIEWS, alphas_cumprod, draw_timesteps
+from pipeline.diffusion.tokenizer import ClipTokenizer, load_tokenizer
+from pipeline.diffusion.tokens import LearnedToken, TokenTable, insert_tokens
+from pipeline.errors import InputError
+from pipeline.stage import Progress
+
+FORMATS = (".png", ".jpg", ".jpeg", ".webp")
+FEWEST, MOST = 1, 64
+VECTORS, STEPS, BATCH, RATE = 2, 300, 8, 1e-2
+_DRAWS = 4
+"""Noise levels at which each noun is tried."""
+
+
+class Pictures(NamedTuple):
+    """What a token is learned from."""
+
+    images: np.ndarray
+    """(n, IMAGE_SIZE, IMAGE_SIZE, 3) uint8"""
+    views: list[str]
+    """View words, "" where the file's name has none."""
+
+
+def read_pictures(folder: Path) -> Pictures:
+    """Read the pictures of a folder in the order of their names, cropped to squares.
+
+    Raises:
+        InputError: no folder, too few or too many pictures, a file that is none.
+    """
+    paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in FORMATS) if folder.is_dir() else []
+    if not FEWEST <= len(paths) <= MOST:
+        raise InputError(
+            f"IMAGES {folder} holds {len(paths)} pictures ({', '.join(FORMATS)}), expected 3 to 8"
+        )
+    images = []
+    for path in paths:
+        try:
+            with Image.open(path, formats=["PNG", "JPEG", "WEBP"]) as opened:
+                picture = opened.convert("RGB")
+        except (OSError, ValueError, Image.DecompressionBombError) as error:
+            raise InputError(f"{path} is no picture that can be read ({error}): replace it") from None
+        side = min(picture.size)
+        left, top = (picture.width - side) // 2, (picture.height - side) // 2
+        picture = picture.crop((left, top, left + side, top + side))
+        images.append(np.asarray(picture.resize((IMAGE_SIZE, IMAGE_SIZE), Image.Resampling.BOX)))
+    return Pictures(np.stack(images), [view_of(path.stem) for path in paths])
+
+
+def view_of(stem: str) -> str:
+    """Return the view words that a file's name starts with: "back-left-2" -> "back left view"."""
+    said = re.sub(r"[^a-z]+", " ", stem.lower()).strip()
+    fitting = [view for view in VIEWS if f"{said} ".startswith(f"{view.removesuffix(' view')} ")]
+    return max(fitting, key=len, default="")
+
+
+def captioned(what: str, view: str) -> str:
+    """Return a caption as the model knows them."""
+    return f"a {what}, {view}" if view else f"a {what}"
+
+
+def denoising_loss(
+    denoiser: Denoiser, clean: torch.Tensor, text: torch.Tensor, rng: np.random.Generator
+) -> torch.Tensor:
+    """Return the loss (b,) that the denoiser was trained with, at random noise levels."""
+    t = torch.from_numpy(draw_timesteps(rng, len(clean)))
+    noise = torch.from_numpy(rng.standard_normal(clean.shape, np.float32))
+    a = alphas_cumprod()[t].view(-1, 1, 1, 1)
+    noised, target = a.sqrt() * clean + (1 - a).sqrt() * noise, a.sqrt() * noise - (1 - a).sqrt() * clean
+    return F.mse_loss(denoiser(noised, t, text), target, reduction="none").mean((1, 2, 3))
+
+
+@torch.no_grad()
+def nearest_noun(
+    networks: tuple[Denoiser, TextEncoder], tokenizer: ClipTokenizer, clean: torch.Tensor, views: list[str]
+) -> str:
+    """Return the noun of the training captions under which the pictures are denoised best.
+
+    Every noun meets the same noise.
+    """
+    denoiser, text_encoder = networks
+    losses = {}
+    for noun in (n.words[0] for n in NOUNS):
+        ids = torch.from_numpy(np.stack([tokenizer.encode(captioned(noun, view)) for view in views]))
+        text = text_encoder(ids)
+        draws = (denoising_loss(denoiser, clean, text, np.random.default_rng(i)) for i in range(_DRAWS))
+        losses[noun] = float(sum(draw.mean() for draw in draws))
+    return min(losses, key=losses.__getitem__)
+
+
+def learn(
+    pictures: Pictures,
+    networks: Networks,
+    tokenizer: ClipTokenizer,
+    steps: int = STEPS,
+    vectors: int = VECTORS,
+    seed: int = 0,
+) -> tuple[torch.Tensor, str]:
+    """Return the embeddings (vectors, WIDTH) of a token for these pictures and the noun they started from."""
+    encoder, _, denoiser, text_encoder = networks
+    for network in networks:
+        network.requires_grad_(False)
+    with torch.no_grad():
+        latents = encoder(to_batch(pictures.images)).contiguous()
+    noun = nearest_noun((denoiser, text_encoder), tokenizer, latents, pictures.views)
+    ids = tokenizer.encode(noun)
+    word = text_encoder.tokens.weight[torch.from_numpy(ids[1 : list(ids).index(tokenizer.end)])].mean(0)
+    rng = np.random.default_rng(seed)
+    start = rng.standard_normal((vectors, WIDTH)).astype(np.float32) * 0.1 * float(word.std())
+    embeddings = (word + torch.from_numpy(start)).requires_grad_()
+    stand_in = LearnedToken(Path("token"), ("*",), np.zeros((vectors, WIDTH), np.float32))
+    table = TokenTable(text_encoder.tokens.num_embeddings, WIDTH)
+    texts = [captioned("*", view) for view in pictures.views]
+    inserted = insert_tokens([stand_in], texts[0], texts[1:], tokenizer, table)
+    rows = torch.from_numpy(np.stack([inserted.tokenizer.encode(text) for text in inserted.texts]))
+    optimiser = torch.optim.Adam([embeddings], RATE)
+    order = itertools.cycle(range(len(latents)))
+    with Progress("learn-token", steps, "steps") as progress:
+        for step in range(steps):
+            picks = list(itertools.islice(order, BATCH))
+            loss = denoising_loss(denoiser, latents[picks], text_encoder(rows[picks], embeddings), rng).mean()
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+            progress.update(step + 1, f"loss {float(loss.detach()):.4f}")
+    return embeddings.detach(), noun
+
+
+def save(path: Path, name: str, embeddings: torch.Tensor) -> None:
+    """Write a token as diffusers does, under the placeholder <name>."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save_file({f"<{name}>": embeddings.contiguous()}, path)
+
+
+def main() -> int:
+    """Command line; IMAGES and NAME come from the environment, as make passes them."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--folder", type=Path, default=Path("onnx_models") / NAME)
+    parser.add_argument("--steps", type=int, default=STEPS)
+    options = parser.parse_args()
+    name = os.environ.get("NAME", "")
+    try:
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]{0,40}", name):
+            raise InputError(f"NAME is {name!r}, expected letters, digits, - and _: NAME=mine gives <mine>")
+        if not os.environ.get("IMAGES"):
+            raise InputError("IMAGES is empty: name a folder with 3 to 8 pictures of one object")
+        pictures = read_pictures(Path(os.environ["IMAGES"]))
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    tokenizer = load_tokenizer(options.folder / "tokenizer")
+    embeddings, noun = learn(pictures, restore_networks(options.folder), tokenizer, options.steps)
+    path = Path("tokens") / f"{name}.safetensors"
+    save(path, name, embeddings)
+    print(f"{path}: {len(embeddings)} embeddings of width {WIDTH}, started from {noun!r}")
+    print(f'make run PROMPT="a <{name}>" TOKEN={path}')
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

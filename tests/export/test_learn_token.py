@@ -1,0 +1,110 @@
+"""A token from pictures: what is read, and that learning lowers the loss and touches nothing else."""
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from export.everyday_objects import learn_token
+from export.everyday_objects.autoencoder import Decoder, Encoder
+from export.everyday_objects.denoiser import Denoiser
+from export.everyday_objects.learn_token import Pictures, learn, nearest_noun, read_pictures, save, view_of
+from export.everyday_objects.nouns import NOUNS
+from export.everyday_objects.text_encoder import WIDTH, TextEncoder
+from pipeline.diffusion.tokenizer import load_tokenizer
+from pipeline.diffusion.tokens import read_token
+from pipeline.errors import InputError
+
+FOLDER = Path(__file__).parents[2] / "onnx_models" / "everyday-objects"
+
+
+@pytest.mark.parametrize(
+    ("stem", "view"),
+    [
+        ("front", "front view"),
+        ("front-left-3", "front left view"),
+        ("Back_Right", "back right view"),
+        ("overhead_front left (2)", "overhead front left view"),
+        ("IMG_2041", ""),
+        ("backpack", ""),
+    ],
+)
+def test_a_files_name_says_the_view(stem: str, view: str) -> None:
+    assert view_of(stem) == view
+
+
+def test_pictures_are_squares_in_the_order_of_their_names(tmp_path: Path) -> None:
+    for i, name in enumerate(("b.png", "a.jpg", "front.webp")):
+        Image.new("RGB", (300, 200 + i), (i, 100, 200)).save(tmp_path / name)
+    (tmp_path / "notes.txt").write_text("x")
+    pictures = read_pictures(tmp_path)
+    assert pictures.images.shape == (3, 128, 128, 3)
+    assert pictures.views == ["", "", "front view"]
+
+
+def test_what_is_wrong_with_pictures_is_said(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="0 pictures"):
+        read_pictures(tmp_path / "absent")
+    (tmp_path / "a.png").write_bytes(b"<html>")
+    with pytest.raises(InputError, match=r"a\.png is no picture"):
+        read_pictures(tmp_path)
+
+
+@pytest.mark.parametrize("given", [{}, {"NAME": "a b"}, {"NAME": "x"}, {"NAME": "x", "IMAGES": "nowhere"}])
+def test_the_command_names_what_is_missing(
+    given: dict[str, str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("NAME", "IMAGES"):
+        monkeypatch.setenv(name, given.get(name, ""))
+    monkeypatch.setattr("sys.argv", ["learn_token"])
+    assert learn_token.main() == 2
+    assert capsys.readouterr().err.startswith("error: ")
+
+
+def test_a_token_learns_what_its_words_say_and_the_weights_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A small denoiser that answers to the text: the loss of the token falls below that of its start."""
+    monkeypatch.setattr(learn_token, "NOUNS", NOUNS[:2])
+    torch.manual_seed(0)
+    tokenizer = load_tokenizer(FOLDER / "tokenizer")
+    text_encoder = TextEncoder(tokenizer.engine.get_vocab_size(), layers=1)
+    networks = (Encoder(8, 1).eval(), Decoder().eval(), Denoiser((16, 32, 64), (0, 2, 2)), text_encoder)
+    for parameter in networks[2].head.parameters():
+        torch.nn.init.normal_(parameter, std=0.05)
+    before = copy.deepcopy(networks[2].state_dict())
+    images = np.random.default_rng(0).integers(0, 255, (2, 128, 128, 3)).astype(np.uint8)
+    pictures = Pictures(images, ["front view", ""])
+    embeddings, noun = learn(pictures, networks, tokenizer, steps=3, vectors=2)
+    assert noun in (NOUNS[0].words[0], NOUNS[1].words[0])
+    assert embeddings.shape == (2, WIDTH)
+    assert torch.isfinite(embeddings).all()
+    again, _ = learn(pictures, networks, tokenizer, steps=3, vectors=2)
+    torch.testing.assert_close(embeddings, again)
+    for name, value in networks[2].state_dict().items():
+        assert torch.equal(value, before[name])
+    started, _ = learn(pictures, networks, tokenizer, steps=0, vectors=2)
+    assert (embeddings - started).abs().max() > 0.005
+    save(tmp_path / "tokens" / "mine.safetensors", "mine", embeddings)
+    token = read_token(tmp_path / "tokens" / "mine.safetensors")
+    assert token.names == ("<mine>", "mine")
+    np.testing.assert_array_equal(token.vectors, embeddings.numpy())
+
+
+def test_the_nearest_noun_is_the_one_with_the_least_loss(monkeypatch: pytest.MonkeyPatch) -> None:
+    tokenizer = load_tokenizer(FOLDER / "tokenizer")
+    words = [n.words[0] for n in NOUNS[:4]]
+    monkeypatch.setattr(learn_token, "NOUNS", NOUNS[:4])
+    wanted = torch.from_numpy(tokenizer.encode(f"a {words[2]}")).float()
+
+    def loss(denoiser, clean, text, rng):
+        return (text[:, :, 0] - wanted).abs().sum(1)
+
+    monkeypatch.setattr(learn_token, "denoising_loss", loss)
+    found = nearest_noun(
+        (None, lambda ids: ids.float()[..., None]), tokenizer, torch.zeros(2, 4, 8, 8), ["", ""]
+    )
+    assert found == words[2]
