@@ -32,8 +32,11 @@ def from_the_first_step(job: Job) -> Job:
     """Return the job whose refinement is a whole training: the options of the latent one, its rates, no
     fit."""
     train, names = job.train_nerf, {spec.name for spec in dataclasses.fields(Distillation)} - {"resolution"}
-    shared = {name: getattr(train, name) for name in names}
-    rates = {"learning_rate": train.learning_rate, "grid_learning_rate": train.grid_learning_rate}
+    shared: dict[str, Any] = {name: getattr(train, name) for name in names}
+    rates: dict[str, Any] = {
+        "learning_rate": train.learning_rate,
+        "grid_learning_rate": train.grid_learning_rate,
+    }
     whole = dataclasses.replace(job.refinement, **shared, **rates, fit_steps=0, steps=train.steps)
     return dataclasses.replace(job, refinement=whole)
 

@@ -41,7 +41,7 @@ def main(folder: Path) -> dict[str, Any]:
         for name, section in {"before": {}, **variants}.items():
             job = scenes.make_job(prompt, work, {"refinement": section} if section else {})
             scenes.train(job, work)
-            row = {"prompt": prompt, "variant": name}
+            row: dict[str, Any] = {"prompt": prompt, "variant": name}
             if name == "before":
                 with scenes.open_decoder() as decode:
                     looks = scenes.look(work / "field.npz", decode)

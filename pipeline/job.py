@@ -19,75 +19,15 @@ from typing import Any, Literal
 
 import yaml
 
+from pipeline.asset_options import Bake, Clean, Extract, Publish, Unwrap
 from pipeline.distillation_options import Distillation
 from pipeline.errors import InputError
 from pipeline.nerf_options import Refinement, SketchField, TrainNerf
-from pipeline.options import build, check, check_power_of_two, check_text, option, plain, read_yaml, short
+from pipeline.options import build, check, check_text, option, plain, read_yaml, short
 from pipeline.paint_options import BakePaint, Prepare, TrainPaint
 
 MODELS = Path(__file__).resolve().parents[1] / "onnx_models"
 DEFAULT_MODEL = "everyday-objects"
-
-
-@dataclass(frozen=True)
-class Extract:
-    """Marching cubes of the density."""
-
-    resolution: int = option(128, "samples along the longest side of the occupied part", 16, 1024)
-    views: int = option(24, "views whose silhouettes choose the density threshold", 4, 256)
-
-    def __post_init__(self) -> None:
-        check(self)
-
-
-@dataclass(frozen=True)
-class Clean:
-    """Repair and simplification of the mesh."""
-
-    faces: int = option(20_000, "face budget", 100, 5_000_000)
-    smoothing: int = option(5, "Taubin smoothing steps", 0, 100)
-    min_component: float = option(0.02, "components with a smaller share of the faces are dropped", 0, 1)
-
-    def __post_init__(self) -> None:
-        check(self)
-
-
-@dataclass(frozen=True)
-class Unwrap:
-    """Texture coordinates."""
-
-    resolution: int = option(1024, "side of the atlas that islands are packed for [texels]", 64, 16_384)
-    padding: int = option(8, "space between islands [texels]", 0, 64)
-
-    def __post_init__(self) -> None:
-        check(self)
-
-
-@dataclass(frozen=True)
-class Bake:
-    """Decoded views projected onto the texture."""
-
-    views: int = option(24, "views decoded and projected", 4, 256)
-    view_resolution: int = option(
-        0, "side of a rendered view [latent pixels]; 0: the bundle's latent size, doubled up to 64", 0, 512
-    )
-    texture: int = option(1024, "side of the texture [texels], a power of two", 64, 16_384)
-
-    def __post_init__(self) -> None:
-        check(self)
-        check_power_of_two("bake.texture", self.texture)
-
-
-@dataclass(frozen=True)
-class Publish:
-    """The asset and its pictures."""
-
-    preview_size: int = option(256, "side of a tile of preview.png [pixels]", 32, 2048)
-    turntable_size: int = option(384, "side of the turntable [pixels]", 32, 2048)
-    turntable_frames: int = option(72, "frames of one turn", 2, 1000)
-
-    def __post_init__(self) -> None:
-        check(self)
 
 
 @dataclass(frozen=True)

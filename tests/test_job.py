@@ -10,6 +10,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline import asset_options
 from pipeline import job as jobs
 from pipeline.errors import InputError
 from pipeline.job import Job, resolve
@@ -53,7 +54,7 @@ def test_each_layer_wins_over_the_one_below(models: Path) -> None:
     assert written.train_nerf.guidance_scale == 15.0
     said = resolve({"JOB": write(models, asked), "PROMPT": "a cup", "SEED": "6", "QUALITY": "high"}, models)
     assert (said.prompt, said.seed, said.quality, said.train_nerf.steps) == ("a cup", 6, "high", 9)
-    assert said.clean == jobs.Clean(**jobs.QUALITY["high"]["clean"])
+    assert said.clean == asset_options.Clean(**jobs.QUALITY["high"]["clean"])
 
 
 def test_a_sketch_and_its_sigma_win_over_the_file(models: Path) -> None:
@@ -110,7 +111,7 @@ def test_the_name_of_a_run_is_the_hash_of_everything_asked_for() -> None:
         dataclasses.replace(job, prompt="a red armchair"),
         dataclasses.replace(job, negative="blue"),
         dataclasses.replace(job, seed=1),
-        dataclasses.replace(job, clean=jobs.Clean(faces=19_999)),
+        dataclasses.replace(job, clean=asset_options.Clean(faces=19_999)),
     ]
     assert len({jobs.run_name(j) for j in [job, *others, dataclasses.replace(job)]}) == 5
     assert jobs.run_name(Job(prompt="🪑")).startswith("prompt-")

@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 
 from pipeline import provenance
+from pipeline.asset_options import Bake, Clean, Extract
 from pipeline.chain import Link, read_chain
 from pipeline.estimate import estimate
 from pipeline.files import file_sha256
-from pipeline.job import STAGE_OPTIONS, Bake, Clean, Extract, Job, stage_options
+from pipeline.job import STAGE_OPTIONS, Job, stage_options
 from pipeline.nerf_options import Refinement, SketchField, TrainNerf
 from pipeline.plan import make_plan
 

@@ -21,7 +21,8 @@ from pipeline.job import Job
 from pipeline.paint_options import TrainPaint
 from pipeline.scene import checkpoint
 from pipeline.scene.paint_mesh import PaintMesh, load_paint_mesh, save_paint_mesh
-from pipeline.scene.painting import make_pool
+from pipeline.scene.painting import initial_paint, make_pool
+from pipeline.scene.training import training_step
 from pipeline.scene.unwrapping import unwrap_mesh
 from pipeline.stage import Context, execute
 from pipeline.stages import train_nerf, train_paint
@@ -110,7 +111,7 @@ def resumable(stage: str, context: Context) -> int:
     mesh = load_paint_mesh(context.inputs["mesh"]).scaled(options.mesh_radius)
     size = open_bundle(context.inputs["unet"].parent, verify=False).latent_size
     pool = make_pool(mesh, options, options.texture, size, context.job.seed)
-    return train_paint.decode_state(values, options, pool, backgrounds)[0].step
+    return train_paint.decode_state(values, options, initial_paint(options, pool, backgrounds, 0))[0].step
 
 
 STAGES = {"train_nerf": (train_nerf, nerf), "train_paint": (train_paint, paint)}
@@ -198,7 +199,7 @@ def test_a_nan_density_is_found_though_it_is_not_rendered(
 ) -> None:
     """Nothing exceeds a NaN threshold: the grid would be empty, and all later pictures finite backgrounds."""
     context = make_context(tmp_path / "run", bundle, **{**SHORT, "steps": 20, "checkpoint_every": 8})
-    real = train_nerf.training_step
+    real = training_step
 
     def spoiled(state: Any, *arguments: Any) -> Any:
         if state.step == 16:  # when the grid is refreshed
