@@ -16,6 +16,7 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,7 @@ from pipeline.scene.occupancy import everywhere
 from pipeline.scene.painting import Pool, initial_paint, make_pool, paint_step
 from pipeline.scene.rendering import count_samples, make_rays, render_rays
 from pipeline.scene.scene import Scene
-from pipeline.scene.shape_loss import nearest_judged, shape_loss
+from pipeline.scene.shape_loss import LEAST_WEIGHT, nearest_judged, shape_loss
 from pipeline.scene.sketch import Sketch, lattice, look_up
 from pipeline.scene.training import initial_state
 from pipeline.scene.view_weights import view_weights
@@ -206,8 +207,12 @@ def texels(truth: Truth, job: Job, resolution: int, rounds: int) -> list[Row]:
 
 def models() -> Row:
     """Return what opening only the model that training asks for saves."""
-    opened = {"unet": denoiser, "text_encoder": text_encoder, "vae_decoder": vae_decoder,
-              "vae_encoder": vae_encoder}  # fmt: skip
+    opened: dict[str, Callable[[Path], AbstractContextManager[Any]]] = {
+        "unet": denoiser,
+        "text_encoder": text_encoder,
+        "vae_decoder": vae_decoder,
+        "vae_encoder": vae_encoder,
+    }
     seconds = {}
     for name, open_one in opened.items():
         began = time.process_time()
@@ -231,16 +236,19 @@ def sketch_band(truth: Truth, sigma: float, points: int, cells: int, rounds: int
     density = rng.exponential(2, points).astype(np.float32)
     away = look_up(sketch, samples)[1]
     counts = [float((away >= least).sum()) for least in (0.0, nearest_judged(sigma))]
-    both = [shape_loss(sketch, sigma, samples, density, least)[1] for least in (0.0, 1e-3)]
-    error = float(np.abs(both[0] - both[1]).max() / np.abs(both[0]).max())
+    losses, gradients = zip(
+        *(shape_loss(sketch, sigma, samples, density, least) for least in (0.0, LEAST_WEIGHT)), strict=True
+    )
+    lost = abs(losses[0] - losses[1]) / losses[0]
+    push = np.abs(gradients[0] - gradients[1]).max() / np.abs(gradients[0]).max()
     pace = paces(
         lambda: shape_loss(sketch, sigma, samples, density, 0.0),
         lambda: shape_loss(sketch, sigma, samples, density),
         rounds,
     )
     return Row("distance to a sketch inside the band where its weight vanishes",
-               "least_weight= of shape_loss", "on", "points judged", *counts, error,
-               "gradient by a density, of the largest", pace)  # fmt: skip
+               "least_weight= of shape_loss", "on", "points judged", counts[0], counts[1], lost,
+               f"share of the shape loss; {push:.1g} of the largest gradient", pace)  # fmt: skip
 
 
 def unchanged_stages(runs: Path) -> Row:
@@ -254,8 +262,8 @@ def unchanged_stages(runs: Path) -> Row:
             run = run_job(job, Path(fresh), threads)
             taken.append(time.monotonic() - began)
             made.append(hashlib.sha256((run / "asset.glb").read_bytes()).hexdigest())
-    return Row("stages whose inputs did not change", "delete the run", "on", "seconds of a draft run", *taken,
-               float(made[0] != made[1]), "asset.glb: 0 is the same bytes")  # fmt: skip
+    return Row("stages whose inputs did not change", "delete the run", "on", "seconds of a draft run",
+               taken[0], taken[1], float(made[0] != made[1]), "asset.glb: 0 is the same bytes")  # fmt: skip
 
 
 def main(folder: Path) -> dict[str, Any]:

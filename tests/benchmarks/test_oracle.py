@@ -14,10 +14,11 @@ from pipeline.job import Extract, Job, Prepare
 from pipeline.scene.cameras import orbit_camera
 from pipeline.scene.mesh import Mesh
 
-# The bundle's opacity weights are for 32 x 32 pixels: on fewer, the guidance's sum over them is no match.
+# The bundle's weights of opacity and emptiness are for 32 x 32 pixels: on fewer, the guidance's sum over
+# them is no match.
 SMALL = {
     "samples_per_ray": 24, "grid_levels": 6, "grid_finest": 32, "grid_table_log2": 11, "resolution": 8,
-    "density_bias": -3.0, "sparsity_weight": 0.1, "opacity_weight": 0.0,
+    "density_bias": -3.0, "sparsity_weight": 0.1, "opacity_weight": 0.0, "emptiness_weight": 1.0,
 }  # fmt: skip
 
 

@@ -48,7 +48,7 @@ def test_painting_skips_texels_without_changing_the_others(truth: Truth, job: Jo
 
 
 def test_the_sketchs_band_is_left_out(truth: Truth) -> None:
-    row = skip.sketch_band(truth, 0.5, 20_000, 24, 1)
+    row = skip.sketch_band(truth, 2.0, 20_000, 24, 1)
     assert 0 < row.on < row.off == 20_000
     assert row.error < 1e-2
 

@@ -1,5 +1,7 @@
 """Score distillation end to end: from an ideal denoiser of a known scene it must find that scene."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
@@ -237,7 +239,7 @@ def test_levels_join_along_their_ramp() -> None:
 
 def test_coarse_views_are_enlarged_for_the_guidance() -> None:
     """The guidance sees the same size throughout; early on the views hold a quarter of the samples."""
-    options = TrainNerf(steps=3, sparsity_weight=0.0, **{**SMALL, "coarse_share": 0.4})
+    options = TrainNerf(steps=2, sparsity_weight=0.0, **{**SMALL, "coarse_share": 0.4})
     state = initial_state(options, BACKGROUNDS, 0)
     shapes: list[tuple[int, ...]] = []
 
@@ -247,10 +249,13 @@ def test_coarse_views_are_enlarged_for_the_guidance() -> None:
         return np.ones_like(latents)
 
     bias = state.scene.field.bias3.detach().clone()
-    samples = [training_step(state, options, SIZE, guidance).samples for _ in range(3)]
+    samples = [training_step(state, options, SIZE, guidance).samples for _ in range(2)]
     assert set(shapes) == {(options.cameras_per_step, 4, SIZE, SIZE)}
-    assert samples[0] == pytest.approx(samples[2] / 4, rel=0.15)
     assert (state.scene.field.bias3.detach() < bias)[1:].all()
+    fine = dataclasses.replace(options, coarse_share=0.0)
+    whole = training_step(initial_state(fine, BACKGROUNDS, 0), fine, SIZE, no_guidance).samples
+    assert samples[0] == pytest.approx(whole / 4, rel=0.05)
+    assert samples[1] > 3 * samples[0]
 
 
 def test_updates_of_one_call_go_towards_what_it_asked_for() -> None:
@@ -263,7 +268,7 @@ def test_updates_of_one_call_go_towards_what_it_asked_for() -> None:
 
         def guidance(latents: np.ndarray, batch: Batch, asked: list = asked) -> np.ndarray:
             asked.append(latents)
-            return np.full_like(latents, 0.01)
+            return np.full_like(latents, 0.5)
 
         cameras = sphere(4, 1.25, np.deg2rad(55))
         before = render_views(state.scene, cameras, 8, BACKGROUNDS[0]).latents
@@ -271,5 +276,5 @@ def test_updates_of_one_call_go_towards_what_it_asked_for() -> None:
         assert len(asked) == 1
         moved = render_views(state.scene, cameras, 8, BACKGROUNDS[0]).latents - before
         seen = before != BACKGROUNDS[0][:, None, None]
-        left.append(np.abs(moved[seen] + 0.01).mean())
+        left.append(np.abs(moved[seen] + 0.5).mean())
     assert left[1] < left[0]
