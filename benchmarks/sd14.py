@@ -141,7 +141,7 @@ def steps(work: Path, make_step: Callable[[Any], Callable[[Any], dict[str, float
     began = time.perf_counter()
     with denoiser(work / "sd14" / "unet") as denoise:
         opened = time.perf_counter() - began
-        guidance = diffusion_guidance(denoise, load_schedule(work / "sd14" / "scheduler"), told, 0.0, 0.5)
+        guidance = diffusion_guidance(denoise, load_schedule(work / "sd14" / "scheduler"), told, TrainNerf())
         for index in range(STEPS):
             rows.append(step(guidance))
             print(f"step {index + 1}: {sum(rows[-1].values()):.2f} s", file=sys.stderr, flush=True)

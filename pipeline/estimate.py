@@ -36,7 +36,7 @@ def estimate(stage: str, job: Job, latent_size: int, weights: Mapping[str, float
     denoiser_megabytes = weights.get("unet", 0.0)
     train, views = job.train_nerf, job.bake.view_resolution or max(latent_size, 64)
     side = train.resolution or latent_size
-    samples = train.cameras_per_step * side**2 * train.samples_per_ray
+    samples = train.cameras_per_step * side**2 * train.samples_per_ray * (1 - 0.75 * train.coarse_share)
     denoiser = _denoiser_work(train, denoiser_megabytes, latent_size)
     refine = job.refinement
     refine_side = refine.resolution or min(2 * latent_size, 128)  # half of an image of four pixels a latent
@@ -55,7 +55,10 @@ def estimate(stage: str, job: Job, latent_size: int, weights: Mapping[str, float
     costs = {
         "embed": Cost(0.2, 0.0),
         "sketch": Cost(0.3 + 6e-6 * job.sketch_field.cells**3, 1e-4 * job.sketch_field.cells**3),
-        "train_nerf": Cost(train.steps * (8.4e-8 * samples + 1.26e-4 * denoiser), 150 + 4e-4 * samples),
+        "train_nerf": Cost(
+            train.steps * (8.4e-8 * samples * train.updates_per_call + 1.26e-4 * denoiser),
+            150 + 4e-4 * samples,
+        ),
         "refine": Cost(
             refine.steps * (refine_step + pictures) + refine.fit_steps * (fit_step + pictures),
             150 + 4e-4 * refine_samples,

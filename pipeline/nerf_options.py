@@ -45,6 +45,15 @@ class TrainNerf(Distillation):
     grid_levels: int = option(16, "levels of the hash grid", 1, 24)
     grid_finest: int = option(512, "cells along a side of the box at the finest level", 16, 8192)
     grid_table_log2: int = option(16, "log2 of the most table entries of a level", 8, 22)
+    level_ramp: float = option(
+        0.0, "share of the run over which the grid's levels join, from half of them; 0: all at once", 0, 1
+    )
+    updates_per_call: int = option(
+        1, "optimiser steps that go towards what one call of the denoiser asked for", 1, 64
+    )
+    coarse_share: float = option(
+        0.0, "first share of the run in which views have half the resolution, enlarged for the model", 0, 1
+    )
     density_sharpening: float = option(
         1.0, "density multiplier at the end (geometric ramp over the second half)", 1, 1000
     )

@@ -1,17 +1,12 @@
-"""A scene whose pictures are known in closed form, and the ideal denoiser of exactly these pictures.
-
-Coloured balls, seen through a pinhole. The ideal denoiser of latents N(mu, s^2) is
-eps* = (x_t - sqrt(abar) mu) sqrt(1 - abar) / (abar s^2 + 1 - abar), so score distillation has to find them.
-"""
+"""A scene whose pictures are known in closed form: coloured balls, seen through a pinhole."""
 
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from pipeline.diffusion.distillation import sds_gradient
-from pipeline.diffusion.schedule import Schedule
-from pipeline.scene.batch import Batch, Guidance
+from benchmarks._ideal import ideal_guidance
+from pipeline.scene.batch import Guidance
 from pipeline.scene.cameras import Camera, camera_rays
 
 SUPERSAMPLING = 3
@@ -57,29 +52,6 @@ def inside(balls: tuple[Ball, ...], points: Float[np.ndarray, "n 3"]) -> np.ndar
     return covered
 
 
-def linear_schedule(steps: int = 1000) -> Schedule:
-    betas = np.linspace(0.00085**0.5, 0.012**0.5, steps) ** 2
-    return Schedule(np.cumprod(1 - betas), "epsilon")
-
-
 def oracle_guidance(balls: tuple[Ball, ...], spread: float = 0.1) -> Guidance:
-    """Return score distillation from the ideal denoiser, through the real `sds_gradient`."""
-    schedule = linear_schedule()
-    total = len(schedule.alphas_cumprod)
-
-    def guidance(latents: Float[np.ndarray, "b 4 h w"], batch: Batch) -> Float[np.ndarray, "b 4 h w"]:
-        assert batch.backgrounds is not None
-        views = zip(batch.cameras, batch.backgrounds)
-        mu = np.stack([picture(balls, camera, latents.shape[-1], flat)[0] for camera, flat in views])
-
-        def denoise(sample: np.ndarray, timesteps: np.ndarray, text: np.ndarray) -> np.ndarray:
-            signal, sigma = schedule.factors(timesteps)
-            epsilon = (sample - signal * mu) * sigma / (signal**2 * spread**2 + sigma**2)
-            return np.asarray(epsilon, np.float32)
-
-        timesteps = np.minimum((batch.noise_levels * total).astype(np.int64), total - 1)
-        text = np.zeros((len(latents), 1, 1), np.float32)
-        step = sds_gradient(latents, denoise, schedule, timesteps, batch.noise, text, text[0], 1.0)
-        return step.gradient
-
-    return guidance
+    """Return score distillation from the ideal denoiser of these balls."""
+    return ideal_guidance(lambda camera, size, flat: picture(balls, camera, size, flat)[0], spread)

@@ -107,11 +107,24 @@ def attenuate(start, stop, density, take, first, base, step, log_transmittance):
 
 @numba.njit(cache=True, nogil=True)
 def composite(
-    start, stop, density, latents, distances, rows, offsets, step, pixels, depth, log_transmittance, used
+    start,
+    stop,
+    density,
+    latents,
+    distances,
+    rows,
+    offsets,
+    step,
+    log_stop,
+    pixels,
+    depth,
+    log_transmittance,
+    used,
 ):
     """Sum latents (n, c) and distances along each ray, weighted by T_i (1 - exp(-density_i step)).
 
-    Writes `pixels` (r, c), `depth` (r,), the log of the transmittance left, and how many samples were `used`.
+    Writes `pixels` (r, c), `depth` (r,), the log of the transmittance left, and how many samples were `used`:
+    a ray ends where the log of its transmittance falls below `log_stop`.
     """
     channels = latents.shape[1]
     total = np.empty(channels)
@@ -122,7 +135,7 @@ def composite(
         n = 0
         for s in range(offsets[ray], offsets[ray + 1]):
             row = rows[s]
-            if row < 0 or dimmed < LOG_STOP:
+            if row < 0 or dimmed < log_stop:
                 break
             optical = np.float64(density[row]) * step
             weight = math.exp(dimmed) * -math.expm1(-optical)

@@ -71,6 +71,8 @@ class LatentField(nn.Module):
         self.shape = shape
         self.grid = hashgrid.hash_grid(shape.levels, shape.coarsest, shape.finest, shape.table_log2)
         self.sharpening = 1.0
+        self.active_levels = shape.levels
+        """Levels of the grid that count; the features of finer ones are 0, and they get no gradient."""
 
         def uniform(bound: float, *size: int) -> nn.Parameter:
             return nn.Parameter(torch.from_numpy(rng.uniform(-bound, bound, size).astype(np.float32)))
@@ -100,8 +102,10 @@ class LatentField(nn.Module):
                 torch.exp(logarithm.clamp_(max=_MAX_EXPONENT), out=density[rows]).mul_(self.sharpening)
                 latents[rows] = raw[:, 1:]
 
-        levels = (points.numpy(), table.numpy(), *self.grid, features.numpy())
-        parallel.run(kernels.encode, count, *levels, block=_ENCODED_BLOCK)
+        active = self.active_levels
+        features[:, hashgrid.FEATURES * active :] = 0
+        levels = (points.numpy(), table.numpy(), self.grid.resolutions[:active], self.grid.offsets)
+        parallel.run(kernels.encode, count, *levels, features.numpy(), block=_ENCODED_BLOCK)
         parallel.run(work, -(-count // _BLOCK))
         return Segment(points, features, hidden1, hidden2, density, latents)
 
@@ -153,7 +157,7 @@ class LatentField(nn.Module):
         for name, gradient in layers.items():
             gradient += shares[name].sum(0)
         levels = (segment.points.numpy(), feature_gradient.numpy(), *self.grid, gradients["table"].numpy())
-        parallel.run(kernels.encode_backward, len(self.grid.resolutions), *levels)
+        parallel.run(kernels.encode_backward, self.active_levels, *levels)
 
 
 def _blocks(first: int, last: int, count: int) -> Iterator[slice]:

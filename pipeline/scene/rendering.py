@@ -63,6 +63,27 @@ class Seen(NamedTuple):
     """The evaluations."""
 
 
+class SampleCounts(NamedTuple):
+    """Samples of some views: each number is left of the one before by one more kind of skipping."""
+
+    all: int
+    """Of every ray, as many as through the whole box."""
+    in_box: int
+    """Less those outside the box."""
+    occupied: int
+    """Less those in empty cells."""
+    evaluated: int
+    """Less those behind an opaque surface: what is done."""
+
+    def skipped(self) -> dict[str, float]:
+        """Return the share of all samples that each kind of skipping leaves out."""
+        names = ("outside the box", "in empty cells", "behind a surface")
+        return {
+            name: round((more - less) / max(self.all, 1), 4)
+            for name, more, less in zip(names, self[:-1], self[1:], strict=True)
+        }
+
+
 class Views(NamedTuple):
     """Rendered pictures."""
 
@@ -95,9 +116,9 @@ def march(rays: Rays, occupied: Bool[np.ndarray, "g g g"], step: float) -> Sampl
 
 
 def evaluate_visible(
-    field: LatentField, rays: Rays, samples: Samples
+    field: LatentField, rays: Rays, samples: Samples, log_stop: float = kernels.LOG_STOP
 ) -> tuple[list[Segment], Int[np.ndarray, " n"]]:
-    """Evaluate the field front to back, until each ray ends or is opaque.
+    """Evaluate the field front to back, until each ray ends or its log transmittance is below `log_stop`.
 
     Returns the evaluations, one segment a round, and for every sample its row among them (int32; -1: unseen).
     """
@@ -109,7 +130,7 @@ def evaluate_visible(
     base = 0
     while True:
         take = np.minimum(samples.offsets[1:] - cursor, _ROUND)
-        take[dimmed < kernels.LOG_STOP] = 0
+        take[dimmed < log_stop] = 0
         total = int(take.sum())
         if total == 0:
             return segments, rows
@@ -130,22 +151,41 @@ def composite(
     latents: Float[Tensor, "m 4"],
     samples: Samples,
     rows: Int[np.ndarray, " n"],
+    log_stop: float = kernels.LOG_STOP,
 ) -> tuple[Float[Tensor, "r 4"], Float[Tensor, " r"], Float[Tensor, " r"]]:
     """Integrate along rays; return latents, depth, log transmittance, differentiable by the first two.
 
     `rows` says which row of `density` and `latents` a sample is, see `evaluate_visible`.
     """
-    pixels, depth, log_transmittance = _Composite.apply(density, latents, samples, rows)
+    pixels, depth, log_transmittance = _Composite.apply(density, latents, samples, rows, log_stop)
     return pixels, depth, log_transmittance
 
 
-def render_rays(scene: Scene, rays: Rays) -> Seen:
-    """Render without background; differentiable by the field's parameters unless gradients are off."""
+def render_rays(scene: Scene, rays: Rays, log_stop: float = kernels.LOG_STOP) -> Seen:
+    """Render without background; differentiable by the field's parameters unless gradients are off.
+
+    A ray is followed until the log of its transmittance is below `log_stop`; -inf: to its end.
+    """
     samples = march(rays, scene.occupancy.occupied, scene.step)
-    segments, rows = evaluate_visible(scene.field, rays, samples)
+    segments, rows = evaluate_visible(scene.field, rays, samples, log_stop)
     density, latents = scene.field.attach(segments)
-    pixels, depth, log_transmittance = composite(density, latents, samples, rows)
+    pixels, depth, log_transmittance = composite(density, latents, samples, rows, log_stop)
     return Seen(pixels, log_transmittance, depth, density, segments)
+
+
+def count_samples(scene: Scene, cameras: Sequence[Camera], size: int) -> SampleCounts:
+    """Return what rendering these views takes, and would take if it skipped less."""
+    rays = make_rays(cameras, size)
+    box = march(rays, np.ones((1, 1, 1), np.bool_), scene.step)
+    occupied = march(rays, scene.occupancy.occupied, scene.step)
+    with torch.no_grad():
+        segments, _ = evaluate_visible(scene.field, rays, occupied)
+    return SampleCounts(
+        len(rays.origins) * scene.samples_per_ray,
+        len(box.distances),
+        len(occupied.distances),
+        sum(len(segment.points) for segment in segments),
+    )
 
 
 def behind(scene: Scene, rays: Rays, flat: Float[np.ndarray, "b c"] | None) -> Float[Tensor, "r c"]:
@@ -189,7 +229,7 @@ def render_views(
 class _Composite(torch.autograd.Function):
     @staticmethod
     def forward(
-        ctx: Any, density: Tensor, latents: Tensor, samples: Samples, rows: np.ndarray
+        ctx: Any, density: Tensor, latents: Tensor, samples: Samples, rows: np.ndarray, log_stop: float
     ) -> tuple[Tensor, Tensor, Tensor]:
         count = len(samples.offsets) - 1
         pixels = np.empty((count, latents.shape[1]), np.float32)
@@ -203,7 +243,7 @@ class _Composite(torch.autograd.Function):
             samples.offsets,
             samples.step,
         )
-        outputs = (pixels, depth, log_transmittance, used)
+        outputs = (log_stop, pixels, depth, log_transmittance, used)
         parallel.run(kernels.composite, count, *ctx.inputs, *outputs, block=_RAYS_PER_TASK)
         ctx.used = used
         return torch.from_numpy(pixels), torch.from_numpy(depth), torch.from_numpy(log_transmittance)
@@ -217,4 +257,4 @@ class _Composite(torch.autograd.Function):
         parallel.run(
             kernels.composite_backward, count, *ctx.inputs, ctx.used, *given, *results, block=_RAYS_PER_TASK
         )
-        return torch.from_numpy(results[0]), torch.from_numpy(results[1]), None, None
+        return torch.from_numpy(results[0]), torch.from_numpy(results[1]), None, None, None

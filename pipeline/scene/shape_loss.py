@@ -30,13 +30,18 @@ _MOST_THICKNESS = 80.0
 
 
 def shape_loss(
-    sketch: Sketch, sigma: float, points: Float[np.ndarray, "n 3"], density: Float[np.ndarray, " n"]
+    sketch: Sketch,
+    sigma: float,
+    points: Float[np.ndarray, "n 3"],
+    density: Float[np.ndarray, " n"],
+    least_weight: float = LEAST_WEIGHT,
 ) -> tuple[float, Float[np.ndarray, " n"]]:
     """Return the loss [nats] and its gradient by `density` [1 / scene unit].
 
-    `sigma` [scene units]: at 1.18 times this distance from the surface the weight is one half.
+    `sigma` [scene units]: at 1.18 times this distance from the surface the weight is one half. Points whose
+    weight is below `least_weight` are left out.
     """
-    least = nearest_judged(sigma)
+    least = nearest_judged(sigma, least_weight)
     inside, distance = look_up(sketch, points, least)
     gradient = np.zeros_like(density)
     judged = np.flatnonzero(distance >= least)
@@ -52,6 +57,6 @@ def shape_loss(
     return float(np.dot(weight.astype(np.float64), entropy)), gradient
 
 
-def nearest_judged(sigma: float) -> float:
-    """Return the distance [scene units] below which a point's weight is less than `LEAST_WEIGHT`."""
-    return sigma * math.sqrt(-2 * math.log1p(-LEAST_WEIGHT))
+def nearest_judged(sigma: float, least_weight: float = LEAST_WEIGHT) -> float:
+    """Return the distance [scene units] below which a point's weight is less than `least_weight`."""
+    return sigma * math.sqrt(-2 * math.log1p(-least_weight))

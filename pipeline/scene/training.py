@@ -57,7 +57,7 @@ class Figures(NamedTuple):
     shape: float
     """Mean weighted cross-entropy between the sketch and the scene [nats]; 0 without a sketch."""
     samples: int
-    """Evaluations of the field."""
+    """Evaluations of the field in the last update."""
     seconds: dict[str, float]
     """Split: render, denoiser, backward, rest."""
 
@@ -117,7 +117,8 @@ def training_step(
     compose: Compose = latents_over_background,
     noise_size: int | None = None,
 ) -> Figures:
-    """Render views of `resolution`^2 latent pixels, ask the guidance about them, update the scene.
+    """Render views of `resolution`^2 latent pixels, ask the guidance about them, update the scene (once, or
+    `updates_per_call` times towards what the guidance asked for).
 
     A `sketch` holds the density of all samples to its shape; rendering never skips its inside, since what is
     not sampled cannot grow. `compose` says what the guidance is shown, `noise_size` the side of its noise
@@ -126,10 +127,12 @@ def training_step(
     Raises:
         FloatingPointError: a NaN or an infinity, named by tensor and step; the state is then not to be used.
     """
-    clock = [time.perf_counter()]
+    clock = _Clock()
     scene, step = state.scene, state.step
     progress = step / max(options.steps - 1, 1)
     scene.field.sharpening = options.density_sharpening ** max(0.0, 2 * progress - 1)
+    scene.field.active_levels = active_levels(options, progress)
+    size = max(1, resolution // 2) if progress < options.coarse_share else resolution
     if step % occupancy.REFRESH_EVERY == 0:
         kept = None if sketch is None else solid_cells(sketch, len(scene.occupancy.occupied))
         scene.occupancy = occupancy.refresh(
@@ -138,52 +141,94 @@ def training_step(
         # A NaN would empty the grid, and what is not rendered cannot be found faulty.
         require_finite("density", scene.occupancy.density, step)
     batch = draw_batch(options, progress, noise_size or resolution, scene, state.rng)
-    rays = make_rays(batch.cameras, resolution, state.rng)
-    clock.append(time.perf_counter())
+    rays = make_rays(batch.cameras, size, state.rng)
+    clock.lap("rest")
 
-    seen = render_rays(scene, rays)
-    opacity = -torch.expm1(seen.log_transmittance)
-    pixels = compose(scene, rays, seen, batch)
-    latents = pixels.reshape(-1, resolution, resolution, pixels.shape[1]).permute(0, 3, 1, 2)
-    require_finite("rendered latents", latents, step)
-    clock.append(time.perf_counter())
+    asked: tuple[Float[np.ndarray, "b c h w"], Float[np.ndarray, "b c h w"]] | None = None
+    for _ in range(options.updates_per_call):
+        seen = render_rays(scene, rays)
+        opacity = -torch.expm1(seen.log_transmittance)
+        pixels = compose(scene, rays, seen, batch)
+        latents = pixels.reshape(-1, size, size, pixels.shape[1]).permute(0, 3, 1, 2)
+        if size != resolution:
+            latents = torch.nn.functional.interpolate(latents, (resolution, resolution), mode="bilinear")
+        require_finite("rendered latents", latents, step)
+        clock.lap("render")
 
-    gradient = guidance(np.ascontiguousarray(latents.detach().numpy()), batch)
-    require_finite("guidance gradient", gradient, step)
-    clock.append(time.perf_counter())
+        shown = np.ascontiguousarray(latents.detach().numpy())
+        if asked is None:
+            asked = shown.copy(), guidance(shown, batch)
+            require_finite("guidance gradient", asked[1], step)
+        # A gradient is a wish to move the views by its negative. Later updates go on towards the same place:
+        # what is still to be moved is the gradient of half its square.
+        gradient = asked[1] + (shown - asked[0])
+        clock.lap("denoiser")
 
-    entropy = binary_entropy(opacity).mean()
-    growth = min(1.0, progress / options.sparsity_ramp) if options.sparsity_ramp else 1.0
-    regulariser = growth * options.sparsity_weight * entropy + options.opacity_weight * opacity.mean()
-    if options.emptiness_weight:
-        regulariser = regulariser + options.emptiness_weight * unseen_thickness(scene, state.rng)
-    roots = [latents, regulariser]
-    gradients = [torch.from_numpy(gradient / np.float32(len(batch.cameras))), None]
-    shape = 0.0
-    if sketch is not None and seen.segments:
-        points = torch.cat([segment.points for segment in seen.segments])
-        shape, push = shape_loss(sketch, options.shape_sigma, points.numpy(), seen.density.detach().numpy())
-        roots.append(seen.density)
-        gradients.append(torch.from_numpy(push * np.float32(options.shape_weight)))
-    state.optimizer.zero_grad(set_to_none=True)
-    torch.autograd.backward(roots, gradients)
-    clock.append(time.perf_counter())
+        entropy = binary_entropy(opacity).mean()
+        growth = min(1.0, progress / options.sparsity_ramp) if options.sparsity_ramp else 1.0
+        regulariser = growth * options.sparsity_weight * entropy + options.opacity_weight * opacity.mean()
+        if options.emptiness_weight:
+            regulariser = regulariser + options.emptiness_weight * unseen_thickness(scene, state.rng)
+        roots = [latents, regulariser]
+        gradients = [torch.from_numpy(gradient / np.float32(len(batch.cameras))), None]
+        shape = 0.0
+        if sketch is not None and seen.segments:
+            points = torch.cat([segment.points for segment in seen.segments])
+            values = seen.density.detach().numpy()
+            shape, push = shape_loss(sketch, options.shape_sigma, points.numpy(), values)
+            roots.append(seen.density)
+            gradients.append(torch.from_numpy(push * np.float32(options.shape_weight)))
+        state.optimizer.zero_grad(set_to_none=True)
+        torch.autograd.backward(roots, gradients)
+        clock.lap("backward")
+        _update(state)
+        clock.lap("rest")
+    state.step += 1
 
-    parameters = {f"{m}.{n}": p for m, part in scene.modules.items() for n, p in part.named_parameters()}
+    assert asked is not None  # there is one update at least
+    norm = math.sqrt(float(np.square(asked[1], dtype=np.float64).sum()) / len(asked[1]))
+    return Figures(
+        norm,
+        float(opacity.detach().mean()),
+        float(entropy.detach()),
+        shape,
+        len(seen.density),
+        clock.seconds,
+    )
+
+
+class _Clock:
+    """How long the parts of a step take."""
+
+    def __init__(self) -> None:
+        self.seconds = dict.fromkeys(("render", "denoiser", "backward", "rest"), 0.0)
+        self.last = time.perf_counter()
+
+    def lap(self, part: str) -> None:
+        """Count the time since the last call for `part`."""
+        now = time.perf_counter()
+        self.seconds[part] += now - self.last
+        self.last = now
+
+
+def _update(state: State) -> None:
+    """Let the optimiser act on the gradients, which must be finite, as must what it makes."""
+    modules = state.scene.modules.items()
+    parameters = {f"{m}.{n}": p for m, part in modules for n, p in part.named_parameters()}
     for name, parameter in parameters.items():
-        require_steppable(name, parameter.grad, step)
+        require_steppable(name, parameter.grad, state.step)
     state.optimizer.step()
     for name, parameter in parameters.items():
-        require_finite(name, parameter, step)
-    state.step += 1
-    clock.append(time.perf_counter())
+        require_finite(name, parameter, state.step)
 
-    before, render, denoiser, backward, after = np.diff(clock).tolist()
-    seconds = {"render": render, "denoiser": denoiser, "backward": backward, "rest": before + after}
-    norm = math.sqrt(float(np.square(gradient, dtype=np.float64).sum()) / len(gradient))
-    return Figures(
-        norm, float(opacity.detach().mean()), float(entropy.detach()), shape, len(seen.density), seconds
-    )
+
+def active_levels(options: TrainNerf, progress: float) -> int:
+    """Return how many levels of the grid count at `progress` in [0, 1] of the run: half of them at the start
+    of the ramp, all from its end."""
+    if progress >= options.level_ramp:
+        return options.grid_levels
+    share = 0.5 + 0.5 * progress / options.level_ramp
+    return min(options.grid_levels, math.ceil(share * options.grid_levels))
 
 
 def draw_batch(

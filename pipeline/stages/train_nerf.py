@@ -20,7 +20,7 @@ from pipeline.report.latents import latent_preview
 from pipeline.scene import checkpoint, occupancy
 from pipeline.scene.batch import Guidance, require_finite
 from pipeline.scene.cameras import Camera, ring
-from pipeline.scene.rendering import render_views
+from pipeline.scene.rendering import count_samples, render_views
 from pipeline.scene.scene import Scene, density, save_scene
 from pipeline.scene.sketch import Sketch, load_sketch
 from pipeline.scene.training import Figures, State, initial_state, training_step
@@ -149,7 +149,12 @@ def main(context: Context) -> None:
     warnings += collapse(history)
     save_scene(context.outputs["scene"], state.scene)
     context.outputs["history"].write_text(json.dumps(history, allow_nan=False) + "\n", encoding="utf-8")
-    context.metrics.update(resumed_at=resumed_at, resolution=resolution, **summary(state, history))
+    context.metrics.update(
+        resumed_at=resumed_at,
+        resolution=resolution,
+        skipped_samples=count_samples(state.scene, preview_cameras(options), resolution).skipped(),
+        **summary(state, history),
+    )
 
 
 def summary(state: State, history: list[dict[str, Any]]) -> dict[str, Any]:

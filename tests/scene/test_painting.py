@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pipeline.diffusion.distillation import sds_gradient
+from benchmarks._ideal import ideal_guidance
 from pipeline.paint_options import TrainPaint
 from pipeline.scene.background import LearnedBackground
-from pipeline.scene.batch import Batch, Guidance
+from pipeline.scene.batch import Guidance
 from pipeline.scene.cameras import ring
 from pipeline.scene.mesh import Mesh
 from pipeline.scene.painted import complete
@@ -16,7 +16,6 @@ from pipeline.scene.painting import initial_paint, make_pool, paint_step
 from pipeline.scene.unwrapping import unwrap_mesh
 from pipeline.scene.view_weights import view_weights
 from tests import shapes
-from tests.oracle import linear_schedule
 
 OPTIONS = TrainPaint(
     steps=40, texture=24, views=12, resolution=12, supersampling=2, guidance_scale=1.0, signal_power=0.0,
@@ -40,29 +39,12 @@ def truth(mesh: Mesh, texture: int | None) -> np.ndarray:
     return complete(mesh, places.place, waves, texture)[0]
 
 
-def ideal(mesh: Mesh, latents: np.ndarray, texture: int | None, spread: float = 0.1) -> Guidance:
+def ideal(mesh: Mesh, latents: np.ndarray, texture: int | None) -> Guidance:
     """Return score distillation from the ideal denoiser of the mesh with these latents."""
-    schedule = linear_schedule()
-
-    def guidance(rendered: np.ndarray, batch: Batch) -> np.ndarray:
-        assert batch.backgrounds is not None
-        mu = np.stack([
-            view_weights(mesh, camera, rendered.shape[-1], texture, 2).render(latents, flat)
-            for camera, flat in zip(batch.cameras, batch.backgrounds, strict=True)
-        ])  # fmt: skip
-
-        def denoise(sample: np.ndarray, timesteps: np.ndarray, text: np.ndarray) -> np.ndarray:
-            signal, sigma = schedule.factors(timesteps)
-            epsilon = (sample - signal * mu) * sigma / (signal**2 * spread**2 + sigma**2)
-            return np.asarray(epsilon, np.float32)
-
-        text = np.zeros((len(rendered), 1, 1), np.float32)
-        timesteps = (batch.noise_levels * 999).astype(np.int64)
-        return sds_gradient(
-            rendered, denoise, schedule, timesteps, batch.noise, text, text[0], 1.0, signal_power=0.0
-        ).gradient
-
-    return guidance
+    return ideal_guidance(
+        lambda camera, size, flat: view_weights(mesh, camera, size, texture, 2).render(latents, flat),
+        signal_power=0.0,
+    )
 
 
 @pytest.mark.parametrize("texture", [24, None])

@@ -14,6 +14,7 @@ from pipeline.scene.rendering import (
     Rays,
     Samples,
     composite,
+    count_samples,
     evaluate_visible,
     make_rays,
     march,
@@ -272,3 +273,24 @@ def test_frequency_encoding_matches_its_formula() -> None:
     parts = [x] + [f(x * 2.0**i) for i in range(6) for f in (np.sin, np.cos)]
     found = frequency_encoding(torch.from_numpy(x), 6).numpy()
     np.testing.assert_allclose(found, np.concatenate(parts, axis=1), atol=1e-12)
+
+
+def test_every_kind_of_skipping_is_counted_and_can_be_switched_off() -> None:
+    """A dense half of a box: its cells alone are sampled, only its front is evaluated; the picture stays."""
+    scene = make_scene(bias=6.0)
+    grid = np.zeros((8, 8, 8), np.bool_)
+    grid[:, :, 4:] = True
+    scene.occupancy = scene.occupancy._replace(occupied=grid)
+    cameras = sphere(3, 2.5, FOV)
+    counts = count_samples(scene, cameras, 12)
+    assert counts.all == 3 * 144 * scene.samples_per_ray
+    assert counts.all > counts.in_box > counts.occupied > counts.evaluated > 0
+    shares = counts.skipped()
+    assert list(shares) == ["outside the box", "in empty cells", "behind a surface"]
+    assert sum(shares.values()) == pytest.approx(1 - counts.evaluated / counts.all, abs=2e-4)
+    rays = make_rays(cameras, 12)
+    with torch.no_grad():
+        ended, followed = render_rays(scene, rays), render_rays(scene, rays, -np.inf)
+    assert len(ended.density) == counts.evaluated
+    assert len(followed.density) == counts.occupied
+    torch.testing.assert_close(ended.latents, followed.latents, atol=2e-4, rtol=1e-4)

@@ -1,5 +1,7 @@
 """Score distillation end to end: from an ideal denoiser of a known scene it must find that scene."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
@@ -9,7 +11,14 @@ from pipeline.scene.batch import Batch, require_finite
 from pipeline.scene.cameras import sphere
 from pipeline.scene.rendering import render_views
 from pipeline.scene.scene import density
-from pipeline.scene.training import binary_entropy, draw_batch, initial_state, training_step, unseen_thickness
+from pipeline.scene.training import (
+    active_levels,
+    binary_entropy,
+    draw_batch,
+    initial_state,
+    training_step,
+    unseen_thickness,
+)
 from pipeline.stages.train_nerf import collapse, train
 from tests.oracle import TWO_BALLS, inside, oracle_guidance, picture
 
@@ -214,3 +223,58 @@ def test_collapse_is_said(opacity: float, word: str) -> None:
     (warning,) = collapse([{"opacity": 0.3}] * 50 + [{"opacity": opacity}] * 30)
     assert word in warning
     assert not collapse([{"opacity": opacity}] * 50 + [{"opacity": 0.3}] * 30)
+
+
+def test_levels_join_along_their_ramp() -> None:
+    options = TrainNerf(**{**SMALL, "level_ramp": 0.5})
+    assert [active_levels(options, p) for p in (0, 0.2, 0.25, 0.49, 0.5, 1)] == [4, 6, 6, 8, 8, 8]
+    assert active_levels(TrainNerf(**SMALL), 0) == 8
+    state = initial_state(options, BACKGROUNDS, 0)
+    grid, before = state.scene.field.grid, state.scene.field.table.detach().clone()
+    training_step(state, options, 8, lambda latents, batch: latents)
+    moved = (state.scene.field.table.detach() != before).any(1)
+    assert moved[: grid.offsets[4]].any()
+    assert not moved[grid.offsets[4] :].any()
+
+
+def test_coarse_views_are_enlarged_for_the_guidance() -> None:
+    """The guidance sees the same size throughout; early on the views hold a quarter of the samples."""
+    options = TrainNerf(steps=2, sparsity_weight=0.0, **{**SMALL, "coarse_share": 0.4})
+    state = initial_state(options, BACKGROUNDS, 0)
+    shapes: list[tuple[int, ...]] = []
+
+    def guidance(latents: np.ndarray, batch: Batch) -> np.ndarray:
+        shapes.append(latents.shape)
+        assert batch.noise.shape == latents.shape
+        return np.ones_like(latents)
+
+    bias = state.scene.field.bias3.detach().clone()
+    samples = [training_step(state, options, SIZE, guidance).samples for _ in range(2)]
+    assert set(shapes) == {(options.cameras_per_step, 4, SIZE, SIZE)}
+    assert (state.scene.field.bias3.detach() < bias)[1:].all()
+    fine = dataclasses.replace(options, coarse_share=0.0)
+    whole = training_step(initial_state(fine, BACKGROUNDS, 0), fine, SIZE, no_guidance).samples
+    assert samples[0] == pytest.approx(whole / 4, rel=0.05)
+    assert samples[1] > 3 * samples[0]
+
+
+def test_updates_of_one_call_go_towards_what_it_asked_for() -> None:
+    """The guidance asks once a step; with more updates the views get nearer to where it wants them."""
+    left = []
+    for updates in (1, 6):
+        options = TrainNerf(steps=10, sparsity_weight=0.0, updates_per_call=updates, **SMALL)
+        state = initial_state(options, BACKGROUNDS, 0)
+        asked: list[np.ndarray] = []
+
+        def guidance(latents: np.ndarray, batch: Batch, asked: list = asked) -> np.ndarray:
+            asked.append(latents)
+            return np.full_like(latents, 0.5)
+
+        cameras = sphere(4, 1.25, np.deg2rad(55))
+        before = render_views(state.scene, cameras, 8, BACKGROUNDS[0]).latents
+        training_step(state, options, 8, guidance)
+        assert len(asked) == 1
+        moved = render_views(state.scene, cameras, 8, BACKGROUNDS[0]).latents - before
+        seen = before != BACKGROUNDS[0][:, None, None]
+        left.append(np.abs(moved[seen] + 0.5).mean())
+    assert left[1] < left[0]

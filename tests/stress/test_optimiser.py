@@ -7,6 +7,7 @@ import pytest
 import torch
 from torch import nn
 
+from benchmarks._ideal import linear_schedule
 from pipeline.diffusion.distillation import sds_gradient
 from pipeline.nerf_options import TrainNerf
 from pipeline.paint_options import TrainPaint
@@ -14,7 +15,6 @@ from pipeline.scene.background import FlatBackground
 from pipeline.scene.batch import Batch, require_steppable
 from pipeline.scene.painting import paint_optimizer
 from pipeline.scene.training import State, initial_state, training_step
-from tests.oracle import linear_schedule
 from tests.scene.test_training import BACKGROUNDS, SMALL, no_guidance
 
 QUIET = {"sparsity_weight": 0.0, "emptiness_weight": 0.0}
