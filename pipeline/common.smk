@@ -2,7 +2,10 @@
 # update(): Snakemake leaves an existing output alone, so that a stage that finds it valid can keep it.
 import os
 import sys
+from pathlib import Path
 from urllib.parse import unquote
+
+from pipeline.scene.mesh_files import buffer_files
 
 
 def relative(path):
@@ -26,6 +29,16 @@ refine = bool(config.get("refine"))
 def named_files(wildcards, input, output):
     return [f"--input={name}={path}" for name, path in input.items()] + [
         f"--output={name}={path}" for name, path in output.items() if name != "entry"]
+
+
+def given_files(name):
+    """Return the parameter that names a file of the user, and the buffers of a .gltf. They are no inputs to
+    Snakemake, which would take braces in a path for wildcards; the plan looks at their contents, and has the
+    stage run when these changed."""
+    path = unquote(config[name])
+    given = {name: path} | {f"buffer{i}": buffer for i, buffer in enumerate(buffer_files(Path(path)))}
+    arguments = [f"--input={label}={relative(file)}" for label, file in given.items()]
+    return lambda wildcards: arguments
 
 
 PYTHON = sys.executable

@@ -147,9 +147,10 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
         )
     if environment.get("SIGMA_S") and not asked.sketch:
         raise InputError("SIGMA_S is given, but no sketch that it could act on: say SKETCH=file too")
-    for name, path in (("SKETCH", asked.sketch), ("TOKEN", asked.token)):
-        if set("{}") & set(path):
-            raise InputError(f"{name} {short(path)} holds a brace, a wildcard to Snakemake: rename the file")
+    if set("{}") & set(asked.token):
+        raise InputError(
+            f"TOKEN {short(asked.token)} holds a brace, a wildcard to Snakemake: rename the file"
+        )
     for file in token_files(asked.token):
         if not file.is_file():
             raise InputError(f"TOKEN {short(str(file))} is no file: give the path of a learned embedding")

@@ -100,7 +100,7 @@ def test_a_changed_option_reruns_only_what_depends_on_it(project: Project) -> No
 
 
 def test_a_sketch_is_tabulated_once_whatever_its_name_and_sigma(project: Project) -> None:
-    first, second = (project.root / name for name in ("a 'house'.obj", "$(touch y).obj"))
+    first, second = (project.root / name for name in ("a {b} 'house'.obj", "$(touch y).obj"))
     first.write_text("walls and a roof")
     result = project.make("run", PROMPT=PROMPT, SKETCH=first.name)
     after_sketch = ["train_nerf", "extract", "clean", "bake", "publish"]  # the mesh comes out the same
@@ -108,7 +108,7 @@ def test_a_sketch_is_tabulated_once_whatever_its_name_and_sigma(project: Project
     assert project.ran(result) == ["sketch", *after_sketch]
     inputs = project.entry("sketch")["inputs"]
     assert isinstance(inputs, dict)
-    assert inputs["drawing"]["path"] == "../../a 'house'.obj"
+    assert inputs["sketch"]["path"] == "../../a {b} 'house'.obj"
     manifest = json.loads((project.latest / "manifest.json").read_text())
     assert "sketch.npz" in manifest["files"]
     assert manifest["job"]["sketch"] == first.name

@@ -90,7 +90,6 @@ def make(*arguments: str) -> "subprocess.CompletedProcess[str]":
         (["PROMPT=x", "PARAM=face"], ["PARAM", "MESH"]),
         (["PROMPT=x", "MESH=README.md", "SKETCH=README.md"], ["SKETCH", "MESH", "leave one out"]),
         (["PROMPT=x", "SKETCH=absent.obj"], ["SKETCH", "absent.obj", "is no file"]),
-        (["PROMPT=x", "SKETCH=a {b}.obj"], ["SKETCH", "a {b}.obj", "brace", "rename"]),
         (["PROMPT=x", "SIGMA_S=0.3"], ["SIGMA_S", "SKETCH=file"]),
         (["PROMPT=x", "SKETCH=README.md", "SIGMA_S=0"], ["shape_sigma", "0.01", "10"]),
         (["PROMPT=x", "SKETCH=README.md", "SIGMA_S=wide"], ["SIGMA_S", "'wide'", "0.3"]),

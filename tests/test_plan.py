@@ -123,9 +123,18 @@ def test_a_sketch_is_a_stage_of_its_own_and_reaches_the_training(tmp_path: Path)
     job = Job(prompt="x", model=str(tmp_path / "model"), sketch=str(mesh))
     links = {link.stage: link for link in read_chain(job, tmp_path / "runs" / "x")}
     assert list(links) == ["embed", "sketch", *TEXT_STAGES[1:]]
-    assert links["sketch"].inputs == {"drawing": "../../a house.obj"}
+    assert links["sketch"].inputs == {"sketch": "../../a house.obj"}
     assert links["train_nerf"].inputs["sketch"] == "sketch.npz"
     assert links["report"].inputs["sketch"] == "stages/sketch.json"
+
+
+def test_the_buffers_of_a_gltf_sketch_are_inputs_too(tmp_path: Path) -> None:
+    (tmp_path / "model").mkdir()
+    (tmp_path / "a.gltf").write_text(json.dumps({"asset": {"version": "2.0"}, "buffers": [{"uri": "a.bin"}]}))
+    (tmp_path / "a.bin").write_bytes(b"numbers")
+    job = Job(prompt="x", model=str(tmp_path / "model"), sketch=str(tmp_path / "a.gltf"))
+    links = {link.stage: link for link in read_chain(job, tmp_path / "runs" / "x")}
+    assert links["sketch"].inputs == {"sketch": "../../a.gltf", "buffer0": "../../a.bin"}
 
 
 def test_refinement_is_a_stage_and_the_rest_works_on_what_it_makes(tmp_path: Path) -> None:

@@ -40,9 +40,9 @@ class Residual(nn.Module):
 class Judge(nn.Module):
     """Pictures (b, 3, 64, 64) in [0, 1] to logits of kinds (b, kinds + 1) and of colours (b, colours)."""
 
-    def __init__(self, channels: tuple[int, ...] = (16, 32, 64, 128)) -> None:
+    def __init__(self, channels: tuple[int, ...] = (32, 64, 128, 256)) -> None:
         super().__init__()
-        layers: list[nn.Module] = [nn.Conv2d(3, channels[0], 3, padding=1)]
+        layers: list[nn.Module] = [nn.Conv2d(3, channels[0], 4, stride=2, padding=1)]
         for before, after in itertools.pairwise(channels):
             layers += [Residual(before), nn.Conv2d(before, after, 3, stride=2, padding=1)]
         self.body = nn.Sequential(*layers, Residual(channels[-1]), nn.BatchNorm2d(channels[-1]), nn.ReLU())

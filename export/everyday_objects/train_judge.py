@@ -41,6 +41,18 @@ def draw_lump(rng: np.random.Generator) -> np.ndarray:
     return np.round(picture.image * 255).astype(np.uint8)
 
 
+def move(rng: np.random.Generator, images: torch.Tensor) -> torch.Tensor:
+    """Mirror half of the pictures; shift and zoom each a little: few objects are to show as many."""
+    count = len(images)
+    zoom = rng.uniform(0.85, 1.2, count)
+    place = np.zeros((count, 2, 3), np.float32)
+    place[:, 0, 0] = zoom * rng.choice([-1, 1], count)
+    place[:, 1, 1] = zoom * rng.uniform(0.92, 1.08, count)
+    place[:, :, 2] = rng.uniform(-0.12, 0.12, (count, 2))
+    grid = F.affine_grid(torch.from_numpy(place), list(images.shape), align_corners=False)
+    return F.grid_sample(images, grid, padding_mode="border", align_corners=False)
+
+
 def blur_and_jitter(rng: np.random.Generator, images: torch.Tensor) -> torch.Tensor:
     """Blur, brightness, contrast and noise, so that a decoder's softness is no sign of anything."""
     small = int(rng.integers(28, 65))
@@ -83,7 +95,9 @@ def train(work: Path, failed: list[np.ndarray], steps: int, batch: int = 64, rat
                 kind[i] = FAILED
             for group in optimiser.param_groups:
                 group["lr"] = rate * min(1, (step + 1) / 100) * (0.5 + 0.5 * np.cos(np.pi * step / steps))
-            x = blur_and_jitter(rng, shrink(pictures)).contiguous(memory_format=torch.channels_last)
+            x = blur_and_jitter(rng, move(rng, shrink(pictures))).contiguous(
+                memory_format=torch.channels_last
+            )
             kind_logits, colour_logits = judge(x)
             loss = F.cross_entropy(kind_logits, torch.from_numpy(kind), label_smoothing=0.05)
             loss = loss + F.cross_entropy(colour_logits, torch.from_numpy(colour), ignore_index=-1)

@@ -42,7 +42,7 @@ def read_sketch(path: Path, thickness: float) -> Mesh:
 
 
 def main(context: Context) -> None:
-    options, path = context.job.sketch_field, context.inputs["drawing"]
+    options, path = context.job.sketch_field, context.inputs["sketch"]
     mesh = read_sketch(path, options.thickness)
     used = np.unique(mesh.faces)
     faces = np.searchsorted(used, mesh.faces)

@@ -23,7 +23,7 @@ def run(path: Path, folder: Path, **options: float) -> Context:
     outputs = {"sketch": folder / "sketch.npz", "mesh": folder / "sketch.ply"}
     context = Context(
         Job(prompt="x", sketch_field=SketchField(**{"cells": 32, **options})),
-        {"drawing": path},
+        {"sketch": path},
         outputs,
         folder,
     )
