@@ -126,7 +126,8 @@ def test_help_names_every_variable_and_every_target_and_nothing_else() -> None:
     targets = next(line for line in makefile.splitlines() if line.startswith(".PHONY:")).split()[1:]
     for target in set(targets) - {"help"}:
         assert f"make {target}" in text
-    variables = next(line for line in makefile.splitlines() if line.startswith("USER_VARIABLES")).split()[2:]
+    joined = makefile.replace("\\\n", " ")
+    variables = next(line for line in joined.splitlines() if line.startswith("USER_VARIABLES")).split()[2:]
     for variable in variables:
         assert f"{variable}=" in text
 
