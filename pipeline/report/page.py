@@ -20,6 +20,9 @@ td, th { border-bottom: 1px solid var(--line); padding: .25rem .6rem .25rem 0; t
          vertical-align: top; font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
 th { font-weight: 600; } td.n, th.n { text-align: right; }
 .warning { border-left: 4px solid #d80; padding: .3rem .8rem; margin: .5rem 0; background: #d801; }
+.bar { display: flex; height: .7rem; border-radius: 6px; overflow: hidden; }
+.bar span:nth-child(4n+1) { background: #38a; } .bar span:nth-child(4n+2) { background: #a53; }
+.bar span:nth-child(4n+3) { background: #7a4; } .bar span:nth-child(4n) { background: #888; }
 summary { cursor: pointer; } pre { overflow-x: auto; font-size: .85rem; }
 """
 
@@ -59,6 +62,7 @@ def render(page: Page) -> str:
         ),
         "<h2>Stages</h2>",
         _stages(page.entries),
+        *(_shares(entry) for entry in page.entries),
         "<h2>Figures</h2>",
         *(_figures(entry) for entry in page.entries if set(entry["metrics"]) - {"warnings"}),
         "<h2>Job</h2>",
@@ -88,6 +92,22 @@ def _stages(entries: list[dict[str, Any]]) -> str:
     peak = max((entry["peak_memory_mb"] for entry in entries), default=0)
     rows.append(("<b>together</b>", f"<b>{total:.1f}</b>", f"<b>{peak:.0f}</b>", ""))
     return _table(("stage", "seconds", "peak MB", "taken from"), rows, numeric=frozenset({1, 2}))
+
+
+def _shares(entry: dict[str, Any]) -> str:
+    """Say where a stage's time went, as a bar, and what it skipped for this scene."""
+    name, metrics = html.escape(entry["stage"]), entry["metrics"]
+    parts = []
+    if sum(metrics.get("seconds", {}).values()):
+        total = sum(metrics["seconds"].values())
+        shares = [(html.escape(part), 100 * value / total) for part, value in metrics["seconds"].items()]
+        bar = "".join(f'<span style="width:{share:.2f}%" title="{part}"></span>' for part, share in shares)
+        told = ", ".join(f"{part} {share:.0f} %" for part, share in shares)
+        parts.append(f"<p>{name}, time in steps: {told}</p><div class=bar>{bar}</div>")
+    if metrics.get("skipped_samples"):
+        told = ", ".join(f"{100 * v:.1f} % {html.escape(k)}" for k, v in metrics["skipped_samples"].items())
+        parts.append(f"<p>{name}, samples of rays skipped: {told}</p>")
+    return "".join(parts)
 
 
 def _figures(entry: dict[str, Any]) -> str:

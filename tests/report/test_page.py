@@ -1,6 +1,7 @@
 """The page stands alone and escapes everything."""
 
 import base64
+import dataclasses
 import re
 from html.parser import HTMLParser
 
@@ -83,3 +84,13 @@ def test_figures_are_there() -> None:
         "seed 7",
     ):
         assert figure in text
+
+
+def test_it_says_where_the_time_went_and_what_was_skipped() -> None:
+    seconds = {"render": 1.0, "denoiser": 6.0, "backward": 2.0, "rest": 1.0}
+    metrics = {"seconds": seconds, "skipped_samples": {"in <empty> cells": 0.625}}
+    reader = read(dataclasses.replace(PAGE, entries=[{**ENTRY, "stage": "train_nerf", "metrics": metrics}]))
+    assert "train_nerf, time in steps: render 10 %, denoiser 60 %, backward 20 %, rest 10 %" in reader.text
+    assert "62.5 % in <empty> cells" in reader.text
+    bars = [attrs["style"] for tag, attrs in reader.tags if tag == "span"]
+    assert bars == ["width:10.00%", "width:60.00%", "width:20.00%", "width:10.00%"]
