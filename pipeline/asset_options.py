@@ -21,7 +21,7 @@ class Clean:
     """Repair and simplification of the mesh."""
 
     faces: int = option(20_000, "face budget", 100, 5_000_000)
-    smoothing: int = option(5, "Taubin smoothing steps", 0, 100)
+    smoothing: int = option(15, "Taubin smoothing steps", 0, 100)
     min_component: float = option(0.02, "components with a smaller share of the faces are dropped", 0, 1)
 
     def __post_init__(self) -> None:
