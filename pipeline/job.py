@@ -73,7 +73,7 @@ class Job:
 
 QUALITY: dict[str, dict[str, dict[str, Any]]] = {
     "draft": {
-        "train_nerf": {"steps": 150, "samples_per_ray": 48},
+        "train_nerf": {"steps": 130, "samples_per_ray": 48},
         "refinement": {"fit_steps": 30, "steps": 50},
         "extract": {"resolution": 96, "views": 12},
         "clean": {"faces": 8_000},
@@ -86,7 +86,7 @@ QUALITY: dict[str, dict[str, dict[str, Any]]] = {
     },
     "standard": {},
     "high": {
-        "train_nerf": {"steps": 1500, "samples_per_ray": 96},
+        "train_nerf": {"steps": 1000, "samples_per_ray": 96},
         "refinement": {"fit_steps": 120, "steps": 400},
         "extract": {"resolution": 192, "views": 48},
         "clean": {"faces": 60_000},
