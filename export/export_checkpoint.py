@@ -114,7 +114,7 @@ def _write_bundle(
 
     unet = checkpoint.unet()
     latent_size = int(unet.config.sample_size)
-    write("unet", lambda place: export_unet(unet, length, place, **shape))
+    write("unet", lambda place: export_unet(unet, length, place, **shape, release=True))
     del unet
 
     vae = checkpoint.vae()

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import gc
 import io
 import logging
 import os
@@ -44,6 +45,7 @@ def export_graph(
     half_weights: bool = False,
     tolerance: float = 1e-4,
     reference: torch.nn.Module | None = None,
+    release: bool = False,
 ) -> float:
     """Write `module` as `folder/model.onnx` and return its largest difference from torch.
 
@@ -55,6 +57,7 @@ def export_graph(
     `half_weights`: store the weights as fp16 (see above); the module's own weights are not changed.
     `tolerance`: largest |onnx - torch| allowed, relative to max(1, max |torch|) of that output.
     `reference`: compare with this module, of the same arguments, instead of with `module` itself.
+    `release`: give up the weights of `module` before onnxruntime loads its own; it is of no use afterwards.
     Raises ValueError when the difference is larger or not finite, or a weight does not fit fp16.
     """
     # A copy only where weights change: a large network twice in memory is more than many machines have.
@@ -80,8 +83,13 @@ def export_graph(
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as scratch:
         _save(model, Path(scratch))
+        cases = [(feeds, _in_torch(reference, feeds)) for feeds in (inputs, *check_inputs)]
+        if release:
+            module.to("meta")
+            del program, model, exported, reference
+            gc.collect()
         difference = max(
-            _largest_difference(reference, Path(scratch), feeds, outputs) for feeds in (inputs, *check_inputs)
+            _largest_difference(expected, Path(scratch), feeds, outputs) for feeds, expected in cases
         )
         if not difference <= tolerance:  # also catches NaN
             raise ValueError(
@@ -151,18 +159,24 @@ def _save(model: ir.Model, folder: Path) -> None:
     ir.save(model, folder / "model.onnx", external_data="model.onnx_data" if size > EXTERNAL_BYTES else None)
 
 
-def _largest_difference(
-    module: torch.nn.Module, folder: Path, feeds: Mapping[str, torch.Tensor], outputs: Sequence[str]
-) -> float:
-    """Return max |onnx - torch| / max(1, max |torch|) over the outputs."""
+def _in_torch(module: torch.nn.Module, feeds: Mapping[str, torch.Tensor]) -> tuple[torch.Tensor, ...]:
     with torch.no_grad():
         result = module(**feeds)
-    expected = (result,) if isinstance(result, torch.Tensor) else tuple(result)
+    return (result,) if isinstance(result, torch.Tensor) else tuple(result)
+
+
+def _largest_difference(
+    expected: Sequence[torch.Tensor],
+    folder: Path,
+    feeds: Mapping[str, torch.Tensor],
+    outputs: Sequence[str],
+) -> float:
+    """Return max |onnx - torch| / max(1, max |torch|) over the outputs."""
     with open_graph(folder) as graph:
         found = graph.run({name: value.numpy() for name, value in feeds.items()})
     differences = []
-    for name, reference in zip(outputs, expected, strict=True):
-        reference = reference.numpy()
+    for name, told in zip(outputs, expected, strict=True):
+        reference = told.numpy()
         if found[name].shape != reference.shape:
             raise ValueError(
                 f"{folder.name}: {name} has shape {found[name].shape}, torch gives {reference.shape}"

@@ -47,11 +47,12 @@ def export_unet(
     fixed: bool = False,
     half_weights: bool = False,
     tolerance: float = 1e-4,
+    release: bool = False,
 ) -> float:
     """Write a UNet as `folder/model.onnx`; return its largest difference from torch.
 
     `length`: tokens a text. `fixed`: the guided batch of 2 and the training size alone, else any batch and
-    any size that the UNet can halve. Errors as `export_graph`. Its attention layers are replaced.
+    any size that the UNet can halve. `release`, errors: as `export_graph`. Its attention layers are replaced.
     """
     fuse_attention(unet)
     config = unet.config
@@ -86,4 +87,5 @@ def export_unet(
         check_inputs=[] if fixed else [other],
         half_weights=half_weights,
         tolerance=tolerance,
+        release=release,
     )
