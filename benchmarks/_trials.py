@@ -20,9 +20,9 @@ from pipeline.job import Job, resolve
 from pipeline.nerf_options import TrainNerf
 from pipeline.options import plain
 from pipeline.paint_options import TrainPaint
-from pipeline.scene.background import flat_colours
 from pipeline.scene.cameras import Camera, sphere
 from pipeline.scene.coordinates import make_coordinates
+from pipeline.scene.flat_colours import flat_colours
 from pipeline.scene.mesh import Mesh
 from pipeline.scene.painted import complete
 from pipeline.scene.painting import initial_paint, make_pool

@@ -38,6 +38,7 @@ PAPER: dict[str, Any] = {
     "sparsity_weight": 33.0,
     "sparsity_ramp": 0.0,
     "opacity_weight": 0.0,
+    "updates_per_call": 1,
 }
 """What the paper's run has otherwise: one view a step, no annealing, its weights (see nerf_options)."""
 SHORTER = (25, 50, 100)
@@ -46,8 +47,8 @@ CHOICES: dict[str, dict[str, Any]] = {
     "draft": {},
     "rates / 2": {"learning_rate": 5e-4, "grid_learning_rate": 5e-3},
     "rates x 2": {"learning_rate": 2e-3, "grid_learning_rate": 2e-2},
-    "2 views a step, 400 steps": {"cameras_per_step": 2, "steps": 400},
-    "8 views a step, 100 steps": {"cameras_per_step": 8, "steps": 100},
+    "2 views a step, 260 steps": {"cameras_per_step": 2, "steps": 260},
+    "8 views a step, 65 steps": {"cameras_per_step": 8, "steps": 65},
     "no annealing": {"timestep_max_end": 0.98},
     "annealing by the root": {"timestep_annealing": "sqrt"},
     "weight abar^1/2 (1 - abar)": {"signal_power": 0.5},
@@ -56,9 +57,10 @@ CHOICES: dict[str, dict[str, Any]] = {
     "half the resolution": {"resolution": 16},
     "half the resolution, first half": {"coarse_share": 0.5},
     "levels join, first half": {"level_ramp": 0.5},
-    "2 updates a call, 100 steps": {"updates_per_call": 2, "steps": 100},
-    "4 updates a call, 50 steps": {"updates_per_call": 4, "steps": 50},
-    "4 updates a call, 200 steps": {"updates_per_call": 4},
+    "1 update a call": {"updates_per_call": 1},
+    "1 update a call, 260 steps": {"updates_per_call": 1, "steps": 260},
+    "4 updates a call": {"updates_per_call": 4},
+    "4 updates a call, 65 steps": {"updates_per_call": 4, "steps": 65},
     "finest grid 128": {"grid_finest": 128},
     "finest grid 512": {"grid_finest": 512},
     "8 levels": {"grid_levels": 8},

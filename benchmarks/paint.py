@@ -31,10 +31,10 @@ from pipeline.diffusion.sessions import Decode, denoiser, text_encoder, vae_deco
 from pipeline.diffusion.tokenizer import load_tokenizer
 from pipeline.job import DEFAULT_MODEL, MODELS, Job, resolve
 from pipeline.report.preview import sheet, to_bytes
-from pipeline.scene.background import flat_colours
 from pipeline.scene.baking import bake_cameras, bake_texture
 from pipeline.scene.cameras import ring
 from pipeline.scene.coordinates import make_coordinates
+from pipeline.scene.flat_colours import flat_colours
 from pipeline.scene.mesh import Mesh, bounding_radius
 from pipeline.scene.mesh_input import read_mesh
 from pipeline.scene.paint_baking import atlas_texture, decoded_views, texture_psnr, view_margin

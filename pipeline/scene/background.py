@@ -14,12 +14,6 @@ _OCTAVES = 6
 _HIDDEN = 64
 
 
-def flat_colours() -> Float[np.ndarray, "64 3"]:
-    """Return 64 colours evenly over the RGB cube, black, white and greys among them."""
-    steps = np.linspace(0, 1, 4, dtype=np.float32)
-    return np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), -1).reshape(-1, 3)
-
-
 class FlatBackground(nn.Module):
     """Flat colours, one of them drawn for each training view: nothing can hide in what it cannot predict."""
 

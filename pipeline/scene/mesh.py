@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import trimesh
 from jaxtyping import Float, Int
 
 from pipeline.errors import InputError
@@ -115,6 +114,8 @@ def check_mesh(mesh: Mesh, source: str) -> Mesh:
 
 def read_ply(path: Path) -> Mesh:
     """Return the mesh of a PLY file, its vertices in the file's order. Raises InputError if it is not one."""
+    import trimesh  # takes a second, and many need no PLY
+
     try:
         loaded = trimesh.load_mesh(path, file_type="ply", process=False)
         mesh = Mesh(np.asarray(loaded.vertices, np.float32), np.asarray(loaded.faces, np.int32))
@@ -125,6 +126,8 @@ def read_ply(path: Path) -> Mesh:
 
 def write_ply(path: Path, mesh: Mesh) -> None:
     """Write positions (float32) and faces as binary PLY; texture coordinates are not kept."""
+    import trimesh
+
     data = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     path.write_bytes(trimesh.exchange.ply.export_ply(data, vertex_normal=False))
 

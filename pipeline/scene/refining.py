@@ -16,9 +16,10 @@ from torch import Tensor
 from torch.nn import functional
 
 from pipeline.nerf_options import Refinement, TrainNerf
-from pipeline.scene.background import FlatBackground, LearnedBackground, flat_colours
+from pipeline.scene.background import FlatBackground, LearnedBackground
 from pipeline.scene.batch import Batch
 from pipeline.scene.cameras import Camera
+from pipeline.scene.flat_colours import flat_colours
 from pipeline.scene.linear_rgb import LinearRgb
 from pipeline.scene.rendering import Rays, Seen, behind, render_views
 from pipeline.scene.scene import Scene

@@ -17,8 +17,8 @@ from pipeline.diffusion.onnx_file import read_onnx
 from pipeline.diffusion.prompts import view_suffixes
 from pipeline.diffusion.sessions import Encode, EncodeText, text_encoder, vae_encoder
 from pipeline.diffusion.tokenizer import ClipTokenizer, load_tokenizer, unknown_words
-from pipeline.diffusion.tokens import insert_tokens, read_token, readable, token_table
-from pipeline.scene.background import flat_colours
+from pipeline.diffusion.tokens import insert_tokens, readable, token_table
+from pipeline.scene.flat_colours import flat_colours
 from pipeline.stage import Context, execute
 
 BACKGROUND_PIXELS = 128
@@ -101,6 +101,8 @@ def main(context: Context) -> None:
     tokenizer = load_tokenizer(context.inputs["tokenizer"])
     prompt, negative, learned = context.job.prompt, context.job.negative, None
     if files := [path for name, path in context.inputs.items() if re.fullmatch(r"token\d+", name)]:
+        from pipeline.diffusion.token_files import read_token  # imports torch, which takes seconds
+
         tokens = [read_token(path) for path in files]
         table = token_table(context.inputs["text_encoder"], tokenizer)
         (prompt, negative), tokenizer, learned = insert_tokens(tokens, prompt, [negative], tokenizer, table)

@@ -25,7 +25,8 @@ from pipeline.diffusion.sessions import vae_decoder
 from pipeline.errors import InputError
 from pipeline.nerf_options import Refinement
 from pipeline.paint_options import TrainPaint
-from pipeline.scene.background import FlatBackground, flat_colours
+from pipeline.scene.background import FlatBackground
+from pipeline.scene.flat_colours import flat_colours
 from pipeline.scene.paint_mesh import load_paint_mesh
 from pipeline.scene.painted import extend
 from pipeline.scene.painting import PaintState, make_pool, paint_optimizer

@@ -13,13 +13,13 @@ import torch
 from safetensors.torch import save_file
 
 from pipeline.diffusion.sessions import text_encoder
+from pipeline.diffusion.token_files import read_token
 from pipeline.diffusion.tokenizer import ClipTokenizer, load_tokenizer
 from pipeline.diffusion.tokens import (
     Inserted,
     LearnedToken,
     TokenTable,
     insert_tokens,
-    read_token,
     readable,
     token_table,
 )

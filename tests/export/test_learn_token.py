@@ -14,8 +14,8 @@ from export.everyday_objects.denoiser import Denoiser
 from export.everyday_objects.learn_token import Pictures, learn, nearest_noun, read_pictures, save, view_of
 from export.everyday_objects.nouns import NOUNS
 from export.everyday_objects.text_encoder import WIDTH, TextEncoder
+from pipeline.diffusion.token_files import read_token
 from pipeline.diffusion.tokenizer import load_tokenizer
-from pipeline.diffusion.tokens import read_token
 from pipeline.errors import InputError
 
 FOLDER = Path(__file__).parents[2] / "onnx_models" / "everyday-objects"

@@ -1,6 +1,8 @@
 """Stage embed on the tiny bundle: rows, backgrounds, warnings, equal bytes."""
 
 import dataclasses
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,7 @@ from pipeline.diffusion.sessions import text_encoder, vae_decoder
 from pipeline.diffusion.tokenizer import load_tokenizer
 from pipeline.errors import InputError
 from pipeline.job import Job
-from pipeline.scene.background import flat_colours
+from pipeline.scene.flat_colours import flat_colours
 from pipeline.stage import Context
 from pipeline.stages.embed import embed_texts, flat_latents, main, prepare_texts
 from tests.tiny_bundle import SCALE, WIDTH, WINDOW, save_graph, write_tiny_bundle
@@ -177,3 +179,8 @@ def test_a_learned_token_stands_in_every_view(tmp_path: Path) -> None:
 def test_a_model_that_takes_no_tokens_says_what_to_do(bundle: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"token_embeddings.* export the model again"):
         main(with_token(bundle, tmp_path, "a red <cat>"))
+
+
+def test_embedding_starts_without_torch():
+    code = "import sys, pipeline.stages.embed; sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
