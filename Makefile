@@ -50,7 +50,7 @@ default-model: .venv/.dev
 test: .venv/.dev
 	$(IN_VENV) -m ruff check .
 	$(IN_VENV) -m mypy
-	$(IN_VENV) -m pytest
+	$(IN_VENV) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 clean-venv:
 	rm -rf .venv

@@ -35,9 +35,9 @@ PICTURES, BATCH = 128, 16
 GUIDANCE, STEPS = 4.0, 40
 # Text to mesh: combinations that no setting was tuned on.
 PROMPTS = (
-    "a red chair", "a blue sofa", "a wooden table", "a white bed", "a green bench", "a black stool",
+    "a red chair", "a blue sofa", "a white table", "a white bed", "a green bench", "a black stool",
     "a purple armchair", "a yellow cabinet", "a brown bookcase", "a pink lamp", "a green car", "a yellow bus",
-    "a blue truck", "a white airplane", "a red boat", "a brown horse", "a grey rabbit", "a brown teddy bear",
+    "a blue truck", "a white airplane", "a red boat", "a white horse", "a grey rabbit", "a pink teddy bear",
     "a green cactus", "a pine tree", "a blue bottle", "an orange vase", "a white mug", "a red fire hydrant",
     "a wooden barrel", "a blue house", "a brown mushroom", "a red rocket", "a pink donut", "a yellow duck",
     "a snowman", "an orange pumpkin",

@@ -1,0 +1,53 @@
+"""Whether a scene has stopped changing, so that the rest of its training can be skipped.
+
+A scene in score distillation never comes to rest, since noise and views are drawn anew each step. It has
+converged when it trembles without going anywhere: when fixed views differ from one stretch of steps to the
+next no more than within these stretches.
+
+Letters: n looks at the scene, v views, h x w latent pixels.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from pipeline.scene.cameras import Camera
+from pipeline.scene.rendering import render_views
+from pipeline.scene.scene import Scene
+
+LOOK_EVERY = 10
+"""Steps between two looks at the scene."""
+WINDOW = 3
+"""Looks in a stretch."""
+CALM = 3
+"""So many looks in a row have to find the scene at rest."""
+KEPT = 2 * WINDOW + CALM - 1
+"""Looks that the decision needs."""
+
+
+def look(scene: Scene, cameras: Sequence[Camera], size: int) -> Float[np.ndarray, "v 4 h w"]:
+    """Return latents of the scene before nothing: composited over zeros."""
+    return render_views(scene, cameras, size, np.zeros(4, np.float32)).latents
+
+
+def drift(looks: Float[np.ndarray, "n v 4 h w"]) -> float:
+    """Return how far the mean of the second half of the looks is from that of the first, in standard errors.
+
+    The root mean square over all latents of the difference of the means, over that of its standard error,
+    estimated from the variances within the halves: about 1 for independent looks at a scene that trembles
+    in place; infinity for one that moves without trembling, 0 for one that does neither.
+    """
+    first, second = (half.astype(np.float64) for half in np.split(looks, 2))
+    moved = np.square(second.mean(0) - first.mean(0)).mean()
+    within = (first.var(0, ddof=1) + second.var(0, ddof=1)).mean() / len(first)
+    return float(np.sqrt(moved / within)) if within > 0 else (float("inf") if moved > 0 else 0.0)
+
+
+def converged(looks: Sequence[Float[np.ndarray, "v 4 h w"]], bound: float) -> bool:
+    """Return whether the last `CALM` drifts, each of `WINDOW` looks against the `WINDOW` before, are all
+    below `bound`."""
+    if len(looks) < KEPT:
+        return False
+    recent = np.stack(looks[-KEPT:])
+    return all(drift(recent[start : start + 2 * WINDOW]) < bound for start in range(CALM))
