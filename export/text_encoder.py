@@ -65,11 +65,17 @@ class _GrowingTable(nn.Module):
 
 
 def export_text_encoder(
-    model: Any, length: int, folder: Path, *, half_weights: bool = False, tolerance: float = 1e-4
+    model: Any,
+    length: int,
+    folder: Path,
+    *,
+    half_weights: bool = False,
+    tolerance: float = 1e-4,
+    release: bool = False,
 ) -> float:
     """Write a CLIPTextModel as `folder/model.onnx`; return its largest difference from torch.
 
-    `length`: tokens a text. Errors as `export_graph`. The model's embedding table is replaced on the way.
+    `length`: tokens a text. `release`, errors: as `export_graph`. The model's embedding table is replaced on the way.
     """
     module = TextEncoderGraph(model).eval()
 
@@ -90,4 +96,5 @@ def export_text_encoder(
         check_inputs=[texts(3, 1)],
         half_weights=half_weights,
         tolerance=tolerance,
+        release=release,
     )

@@ -54,6 +54,14 @@ class TrainNerf(Distillation):
     coarse_share: float = option(
         0.0, "first share of the run in which views have half the resolution, enlarged for the model", 0, 1
     )
+    # Of ten trainings on ideal denoisers none stopped more than 5 % from its final error below 1.4.
+    convergence: float = option(
+        1.35,
+        "training ends, after half of its steps at the earliest, once the scene drifts less than so many times "
+        "its trembling; 0: never",
+        0,
+        10,
+    )
     density_sharpening: float = option(
         1.0, "density multiplier at the end (geometric ramp over the second half)", 1, 1000
     )

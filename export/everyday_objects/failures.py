@@ -12,7 +12,7 @@ def lump(rng: np.random.Generator) -> Model:
     """A few ellipsoids and cushions of one or two colours, thrown together."""
     colours = [draw_colour(rng, COLOURS[rng.integers(len(COLOURS))]) for _ in range(2)]
     parts: list[Part] = []
-    for i in range(int(rng.integers(1, 5))):
+    for i in range(int(rng.integers(2, 6))):  # one alone would be a ball
         size, at = rng.uniform(0.12, 0.6, 3), rng.uniform(-0.35, 0.35, 3) * (i > 0)
         colour = colours[int(rng.random() < 0.3)]
         part = cushion(2 * size, colour) if rng.random() < 0.4 else ellipsoid(size, colour)

@@ -107,6 +107,9 @@ def _shares(entry: dict[str, Any]) -> str:
     if metrics.get("skipped_samples"):
         told = ", ".join(f"{100 * v:.1f} % {html.escape(k)}" for k, v in metrics["skipped_samples"].items())
         parts.append(f"<p>{name}, samples of rays skipped: {told}</p>")
+    if metrics.get("skipped_steps"):
+        steps, skipped = metrics["steps"], metrics["skipped_steps"]
+        parts.append(f"<p>{name}, converged: {skipped} of {steps + skipped} steps skipped</p>")
     return "".join(parts)
 
 

@@ -21,6 +21,7 @@ def save(folder: Path, state: State, history: list[dict[str, Any]]) -> None:
         "progress": np.frombuffer(json.dumps(progress).encode(), np.uint8),
         **{f"scene.{name}": array for name, array in scenes.to_arrays(state.scene).items()},
         **checkpoint_files.adam_arrays(state.optimizer),
+        **({"looks": np.stack(state.looks)} if state.looks else {}),
     }
     checkpoint_files.write(folder, state.step, values)
 
@@ -51,4 +52,5 @@ def _decode(values: Mapping[str, np.ndarray], options: TrainNerf) -> tuple[State
     checkpoint_files.restore_adam(optimizer, values)
     rng = np.random.default_rng()
     rng.bit_generator.state = progress["rng"]
-    return State(scene, optimizer, rng, progress["step"]), progress["history"]
+    state = State(scene, optimizer, rng, progress["step"], list(values.get("looks", ())))
+    return state, progress["history"]

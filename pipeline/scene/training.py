@@ -8,7 +8,7 @@ it. The regularisers are losses; both go through one backward pass.
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -43,6 +43,8 @@ class State:
     """The only source of random numbers."""
     step: int = 0
     """Steps done."""
+    looks: list[Float[np.ndarray, "v 4 h w"]] = field(default_factory=list)
+    """The last looks at the scene, by which `convergence` judges it."""
 
 
 class Figures(NamedTuple):
@@ -78,13 +80,13 @@ def initial_state(
         blob_radius=options.blob_radius,
         density_bias=options.density_bias,
     )
-    field = LatentField(shape, rng)
+    latent_field = LatentField(shape, rng)
     learned = options.background == "learned"
     background = LearnedBackground(rng) if learned else FlatBackground(backgrounds)
-    scene = Scene(field, occupancy.everywhere(), background, options.samples_per_ray)
+    scene = Scene(latent_field, occupancy.everywhere(), background, options.samples_per_ray)
     state = State(scene, make_optimizer(scene, options), rng)
     if sketch is not None:
-        grow(field, state.optimizer, sketch, rng, options.shape_start)
+        grow(latent_field, state.optimizer, sketch, rng, options.shape_start)
     return state
 
 

@@ -20,6 +20,7 @@ from pipeline.report.latents import latent_preview
 from pipeline.scene import checkpoint, occupancy
 from pipeline.scene.batch import Guidance, require_finite
 from pipeline.scene.cameras import Camera, ring
+from pipeline.scene.convergence import KEPT, LOOK_EVERY, converged, look
 from pipeline.scene.rendering import count_samples, render_views
 from pipeline.scene.scene import Scene, density, save_scene
 from pipeline.scene.sketch import Sketch, load_sketch
@@ -44,7 +45,7 @@ def train(
 ) -> None:
     """Take the steps that `state` has not done yet, then settle its occupancy; record each step in `history`.
 
-    `keep` is called every `checkpoint_every` steps, `show` every `preview_every` steps.
+    A scene that has converged, by `options.convergence`, takes no further steps. `keep` is called every `checkpoint_every` steps, `show` every `preview_every` steps.
 
     Raises:
         FloatingPointError: a NaN or an infinity, named by tensor and step.
@@ -53,7 +54,15 @@ def train(
     def step(state: State) -> Figures:
         return training_step(state, options, resolution, guidance, sketch)
 
-    take_steps("train_nerf", state, history, options, step, keep, show)
+    cameras = preview_cameras(options)
+
+    def at_rest(state: State) -> bool:
+        if not options.convergence or state.step % LOOK_EVERY:
+            return False
+        state.looks = [*state.looks, look(state.scene, cameras, resolution)][-KEPT:]
+        return 2 * state.step >= options.steps and converged(state.looks, options.convergence)
+
+    take_steps("train_nerf", state, history, options, step, keep, show, at_rest)
 
 
 def take_steps(
@@ -64,19 +73,25 @@ def take_steps(
     step: Callable[[State], Figures],
     keep: Callable[[State, list[dict[str, Any]]], None],
     show: Callable[[Scene], None],
+    at_rest: Callable[[State], bool] = lambda state: False,
 ) -> None:
-    """Take the steps of the stage `name` that are not done yet, then settle the occupancy; see `train`."""
+    """Take the steps of the stage `name` that are not done yet, until the scene is `at_rest`, which is asked
+    after every step; then settle the occupancy. See `train`."""
+    rest = False
     with Progress(name, options.steps, "steps") as progress:
-        while state.step < options.steps:
+        while state.step < options.steps and not rest:
             figures = step(state)
             history.append(_row(state.step, figures))
             progress.update(
                 state.step, f"gradient {figures.gradient_norm:.2f}, opacity {figures.opacity:.2f}"
             )
-            if state.step % options.checkpoint_every == 0 and state.step < options.steps:
+            rest = at_rest(state)
+            if state.step % options.checkpoint_every == 0 and state.step < options.steps and not rest:
                 keep(state, history)
             if state.step % options.preview_every == 0:
                 show(state.scene)
+    if rest and state.step < options.steps:
+        say(f"{name}: the scene has converged at step {state.step} of {options.steps}; the rest is skipped")
     scene = state.scene
     scene.occupancy = occupancy.settle(lambda x: density(scene, x), scene.step, state.rng)
     require_finite("density", scene.occupancy.density, state.step)
@@ -153,6 +168,7 @@ def main(context: Context) -> None:
         resumed_at=resumed_at,
         resolution=resolution,
         skipped_samples=count_samples(state.scene, preview_cameras(options), resolution).skipped(),
+        skipped_steps=options.steps - state.step,
         **summary(state, history),
     )
 
