@@ -9,7 +9,14 @@ from export.everyday_objects import procedural
 from export.everyday_objects.captions import COLOURS
 from export.everyday_objects.failures import lump, melt, scatter
 from export.everyday_objects.judge import FAILED, KINDS, Judge, judge_images, load_judge, save_judge, shrink
-from export.everyday_objects.train_judge import colour_label, held_out_figures, read_failed, train
+from export.everyday_objects.train_judge import (
+    colour_label,
+    held_out_figures,
+    read_failed,
+    sharpen,
+    shift_hues,
+    train,
+)
 
 
 def pictures(count, seed):
@@ -97,3 +104,21 @@ def test_failed_results_are_read_as_pictures(tmp_path):
     (found,) = read_failed(tmp_path)
     assert found.shape == (128, 128, 3)
     assert (found == (10, 20, 30)).all()
+
+
+def test_turned_hues_keep_grey_and_brightness():
+    images = torch.rand(8, 3, 5, 5, dtype=torch.float64).float() * 0.2 + 0.4  # far from being clamped
+    turned = shift_hues(np.random.default_rng(0), images)
+    torch.testing.assert_close(turned.mean(1), images.mean(1))
+    assert (turned - images).abs().amax((1, 2, 3)).min() > 0.01
+    grey = images.mean(1, keepdim=True).expand(-1, 3, -1, -1)
+    torch.testing.assert_close(shift_hues(np.random.default_rng(0), grey), grey)
+
+
+def test_sharpening_leaves_flat_pictures_and_steepens_edges():
+    flat = torch.full((2, 3, 16, 16), 0.3)
+    torch.testing.assert_close(sharpen(np.random.default_rng(0), flat), flat)
+    edge = flat.clone()
+    edge[..., 8:] = 0.6
+    step = sharpen(np.random.default_rng(0), edge).diff(dim=-1)[..., 7]
+    assert (step > 0.3).all()
