@@ -85,7 +85,11 @@ def export_graph(
         _save(model, Path(scratch))
         cases = [(feeds, _in_torch(reference, feeds)) for feeds in (inputs, *check_inputs)]
         if release:
-            module.to("meta")
+            # Caches of the exporter still refer to the module's tensors and to the graph: empty both.
+            for tensor in (*module.parameters(), *module.buffers()):
+                tensor.data = torch.empty(0)
+            for value in model.graph.initializers.values():
+                value.const_value = None
             del program, model, exported, reference
             gc.collect()
         difference = max(
