@@ -4,22 +4,36 @@ What the figures are is said in `oracle`. Letters: h x w latent pixels.
 """
 
 import dataclasses
+import functools
 import hashlib
 import json
+import multiprocessing
+import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from benchmarks._ideal import Calls, ideal_guidance
-from benchmarks._truths import Truth, surface_error, to_latents, visible_surface
+from benchmarks._truths import (
+    MODELS,
+    Truth,
+    analytic_scenes,
+    catalogue_scenes,
+    surface_error,
+    to_latents,
+    visible_surface,
+)
 from pipeline import provenance
 from pipeline.job import Job, resolve
 from pipeline.nerf_options import TrainNerf
 from pipeline.options import plain
 from pipeline.paint_options import TrainPaint
+from pipeline.progress import Progress
 from pipeline.scene.cameras import Camera, sphere
 from pipeline.scene.coordinates import make_coordinates
 from pipeline.scene.flat_colours import flat_colours
@@ -156,14 +170,19 @@ def job_of(quality: str, **changed: Any) -> Job:
     return dataclasses.replace(job, train_nerf=dataclasses.replace(job.train_nerf, **changed))
 
 
+class Trial(NamedTuple):
+    """What `kept` is asked, as it can be sent to another process."""
+
+    name: str
+    truth: str
+    job: Job
+    traced: int = 0
+    resolution: int = RESOLUTION
+
+
 def kept(name: str, truth: Truth, job: Job, traced: int, cache: Path, resolution: int) -> Any:
     """Return the result of a trial, from the cache if it was made by the same source."""
-    stage = "train_paint" if name == "paint" else "train_nerf"
-    source, _ = provenance.code(f"pipeline.stages.{stage}")
-    own = [path.read_text(encoding="utf-8") for path in sorted(Path(__file__).parent.glob("_*.py"))]
-    asked = [name, truth.name, plain(job), traced, resolution, source, own]
-    digest = hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:16]
-    path = cache / f"{truth.name.replace(' ', '-')}-{digest}.json"
+    path = _place(Trial(name, truth.name, job, traced, resolution), cache)
     if path.is_file():
         return json.loads(path.read_text(encoding="utf-8"))
     result = coloured(truth, job, resolution) if name == "paint" else learn(truth, job, traced, resolution)
@@ -172,3 +191,55 @@ def kept(name: str, truth: Truth, job: Job, traced: int, cache: Path, resolution
     partial.write_text(json.dumps(result) + "\n", encoding="utf-8")
     partial.replace(path)
     return result
+
+
+def fill(trials: Sequence[Trial], cache: Path) -> None:
+    """Run the trials that the cache lacks, as many at once as there are processors, one thread each.
+
+    Trials are small: two of one thread take less time than one after the other of two.
+    """
+    missing = [trial for trial in trials if not _place(trial, cache).is_file()]
+    if not missing:
+        return
+    workers = min(len(os.sched_getaffinity(0)), len(missing))
+    with (
+        _one_thread_each(),
+        ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool,
+        Progress("trials on known scenes", len(missing)) as progress,
+    ):
+        jobs = [pool.submit(_fill_one, trial, cache) for trial in missing]
+        for done, job in enumerate(as_completed(jobs), 1):
+            job.result()
+            progress.update(done)
+
+
+def _fill_one(trial: Trial, cache: Path) -> None:
+    kept(trial.name, _truths()[trial.truth], trial.job, trial.traced, cache, trial.resolution)
+
+
+@functools.cache
+def _truths() -> dict[str, Truth]:
+    return {truth.name: truth for truth in (*analytic_scenes(), *catalogue_scenes(list(MODELS)))}
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Have processes that start meanwhile use one thread: libraries read these variables once."""
+    before = dict(os.environ)
+    os.environ.update({f"{library}_NUM_THREADS": "1" for library in ("NUMBA", "OMP", "MKL", "OPENBLAS")})
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
+
+
+def _place(trial: Trial, cache: Path) -> Path:
+    """Return the file of a trial's result, named after everything that it depends on."""
+    source, _ = provenance.code(f"pipeline.stages.train_{'paint' if trial.name == 'paint' else 'nerf'}")
+    own = [
+        Path(__file__).with_name(f"_{name}.py").read_bytes().hex() for name in ("ideal", "truths", "trials")
+    ]
+    asked = [trial.name, trial.truth, plain(trial.job), trial.traced, trial.resolution, source, own]
+    digest = hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:16]
+    return cache / f"{trial.truth.replace(' ', '-')}-{digest}.json"

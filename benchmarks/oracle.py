@@ -11,6 +11,9 @@ takes 5000 steps of one view. `calls_for_paper_error` is the least number of cal
 the defaults, after which a scene is as good as at the end of the plain run: the worst of all scenes; None if
 some scene never is.
 
+`convergence` compares runs that stop once the scene has come to rest with the same runs to their last step:
+the share of steps saved, and by how much the error (root mean square) of the worst scene is larger.
+
 Results are kept under runs/bench/oracle, by options and source: a second call only does what is missing.
 """
 
@@ -22,7 +25,7 @@ import numpy as np
 
 from benchmarks._plots import Curve, Panel, write_fronts
 from benchmarks._tables import markdown
-from benchmarks._trials import RESOLUTION, job_of, kept
+from benchmarks._trials import RESOLUTION, Trial, fill, job_of, kept
 from benchmarks._truths import MODELS, Truth, analytic_scenes, catalogue_scenes
 from pipeline.job import Job
 
@@ -39,6 +42,7 @@ PAPER: dict[str, Any] = {
     "sparsity_ramp": 0.0,
     "opacity_weight": 0.0,
     "updates_per_call": 1,
+    "convergence": 0.0,
 }
 """What the paper's run has otherwise: one view a step, no annealing, its weights (see nerf_options)."""
 SHORTER = (25, 50, 100)
@@ -70,6 +74,9 @@ CHOICES: dict[str, dict[str, Any]] = {
 CHOICE_SCENES = ("torus", "boxes", "horse")
 
 
+TO_THE_END = "{}, to the end"
+
+
 def paper_calls(rows: Sequence[dict[str, Any]], target: float) -> dict[str, Any] | None:
     """Return the cheapest of the rows that is as good as the target [dB], by calls."""
     good = [row for row in rows if row["psnr"] >= target]
@@ -78,12 +85,21 @@ def paper_calls(rows: Sequence[dict[str, Any]], target: float) -> dict[str, Any]
 
 def measure(truths: Sequence[Truth], runs: dict[str, Job], cache: Path, resolution: int) -> dict[str, Any]:
     """Return, for every run and scene, its rows; the run "paper" is traced."""
-    measured: dict[str, Any] = {}
-    for name, job in runs.items():
-        traced = -(-job.train_nerf.steps // 8) if name == "paper" else 0
-        measured[name] = {truth.name: kept(name, truth, job, traced, cache, resolution) for truth in truths}
-        print(f"oracle: {name} done", flush=True)
+    by_name = {truth.name: truth for truth in truths}
+    measured: dict[str, Any] = {name: {} for name in runs}
+    for one in trials(truths, runs, resolution):
+        result = kept(one.name, by_name[one.truth], one.job, one.traced, cache, resolution)
+        measured[one.name][one.truth] = result
     return measured
+
+
+def trials(truths: Sequence[Truth], runs: dict[str, Job], resolution: int) -> list[Trial]:
+    """Return the trial of every run and scene; the run "paper" is traced."""
+    return [
+        Trial(name, truth.name, job, -(-job.train_nerf.steps // 8) if name == "paper" else 0, resolution)
+        for name, job in runs.items()
+        for truth in truths
+    ]
 
 
 def mean_row(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
@@ -117,6 +133,22 @@ def summarise(measured: dict[str, Any], front: Sequence[str], chosen: str) -> di
         "psnr": row["psnr"],
         "paper": {key: paper[key] for key in ("calls", "views", "chamfer", "normal_error", "psnr")},
     }
+
+
+def convergence(measured: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
+    """Return, by run, what stopping at convergence saves and loses against its `TO_THE_END`, by scene."""
+    table: dict[str, Any] = {}
+    for name in names:
+        stopped, whole = measured[name], measured[TO_THE_END.format(name)]
+        table[name] = {
+            scene: {
+                "steps": stopped[scene][-1]["steps"],
+                "of": whole[scene][-1]["steps"],
+                "error_ratio": round(10 ** ((whole[scene][-1]["psnr"] - stopped[scene][-1]["psnr"]) / 20), 4),
+            }
+            for scene in stopped
+        }
+    return table
 
 
 def panels(measured: dict[str, Any], painted: dict[str, Any], front: Sequence[str]) -> list[Panel]:
@@ -194,14 +226,26 @@ def _last(rows: dict[str, Any], key: str) -> float:
 def main(folder: Path) -> dict[str, Any]:
     """Measure everything that the cache lacks, write the plot into `folder`, return the figures."""
     truths = [*analytic_scenes(), *catalogue_scenes(list(MODELS))]
+    chosen = [truth for truth in truths if truth.name in CHOICE_SCENES]
     shorter = {str(steps): job_of("draft", steps=steps) for steps in SHORTER}
     qualities = {quality: job_of(quality) for quality in ("draft", "standard", "high")}
     front = {**shorter, **qualities}
-    measured = measure(truths, {**front, "paper": job_of("standard", **PAPER)}, CACHE, RESOLUTION)
-    chosen = [truth for truth in truths if truth.name in CHOICE_SCENES]
-    choices = measure(
-        chosen, {name: job_of("draft", **changed) for name, changed in CHOICES.items()}, CACHE, RESOLUTION
+    runs = {
+        "paper": job_of("standard", **PAPER),
+        **{TO_THE_END.format(quality): job_of(quality, convergence=0.0) for quality in qualities},
+        **front,
+    }
+    changes = {name: job_of("draft", **changed) for name, changed in CHOICES.items()}
+    fill(
+        [
+            *trials(truths, runs, RESOLUTION),
+            *(Trial("paint", truth.name, job) for job in qualities.values() for truth in truths),
+            *trials(chosen, changes, RESOLUTION),
+        ],
+        CACHE,
     )
+    measured = measure(truths, runs, CACHE, RESOLUTION)
+    choices = measure(chosen, changes, CACHE, RESOLUTION)
     painted = {
         quality: {truth.name: kept("paint", truth, job, 0, CACHE, RESOLUTION) for truth in truths}
         for quality, job in qualities.items()
@@ -212,15 +256,25 @@ def main(folder: Path) -> dict[str, Any]:
         f"Ideal denoisers of {len(truths)} scenes, means; star: the default",
     )
     means = {
-        "front": {n: mean_row([r[-1] for r in measured[n].values()]) for n in measured},
+        "front": {n: mean_row([r[-1] for r in measured[n].values()]) for n in (*front, "paper")},
         "choices_in_draft": {n: mean_row([r[-1] for r in choices[n].values()]) for n in choices},
         "paint": {n: mean_row(list(rows.values())) for n, rows in painted.items()},
     }
     (folder / "oracle.md").write_text(tables(*means.values()), encoding="utf-8")
+    stopped = convergence(measured, list(qualities))
+    cut = [row for rows in stopped.values() for row in rows.values()]
     return {
-        "summary": {"scenes": len(truths), **summarise(measured, list(front), "standard")},
+        "summary": {
+            "scenes": len(truths),
+            **summarise(measured, list(front), "standard"),
+            "convergence": {
+                "steps_saved": round(1 - sum(row["steps"] for row in cut) / sum(row["of"] for row in cut), 3),
+                "worst_error_ratio": max(row["error_ratio"] for row in cut),
+            },
+        },
         "missing": [name for name in MODELS if name not in {truth.name for truth in truths}],
         "by_scene": against_paper(measured, list(front)),
+        "convergence": stopped,
         **means,
         "rows": measured,
         "paint_rows": painted,

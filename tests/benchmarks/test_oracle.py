@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import oracle
 from benchmarks._plots import write_fronts
-from benchmarks._trials import job_of, kept
+from benchmarks._trials import Trial, fill, job_of, kept
 from benchmarks._truths import Surface, Truth, analytic_scenes, surface_error, to_latents, visible_surface
 from pipeline.asset_options import Extract
 from pipeline.job import Job
@@ -112,6 +112,23 @@ def test_the_benchmark_runs_resumes_and_is_summarised(boxes: Truth, tmp_path: Pa
     write_fronts(tmp_path / "a.png", oracle.panels(measured, painted, ["4", "standard"]))
     write_fronts(tmp_path / "b.png", oracle.panels(measured, painted, ["4", "standard"]))
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_a_process_of_one_thread_finds_the_same(boxes: Truth, tmp_path: Path) -> None:
+    fill([Trial("4", "boxes", small(4), 0, 8)], tmp_path / "other")
+    (stored,) = (tmp_path / "other").iterdir()
+    there = kept("4", boxes, small(4), 0, tmp_path / "other", 8)
+    assert [stored] == list((tmp_path / "other").iterdir())
+    here = kept("4", boxes, small(4), 0, tmp_path / "own", 8)
+    assert [{**row, "seconds": 0} for row in there] == [{**row, "seconds": 0} for row in here]
+
+
+def test_stopping_early_is_compared_by_scene() -> None:
+    stopped = {"a": [{"steps": 60, "psnr": 20.0}], "b": [{"steps": 100, "psnr": 30.0}]}
+    whole = {"a": [{"steps": 100, "psnr": 20.1}], "b": [{"steps": 100, "psnr": 30.0}]}
+    table = oracle.convergence({"draft": stopped, "draft, to the end": whole}, ["draft"])["draft"]
+    assert table["a"] == {"steps": 60, "of": 100, "error_ratio": pytest.approx(10 ** (0.1 / 20), abs=1e-4)}
+    assert table["b"] == {"steps": 100, "of": 100, "error_ratio": 1}
 
 
 def test_calls_for_the_papers_error_are_those_of_the_cheapest_good_run() -> None:

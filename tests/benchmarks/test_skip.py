@@ -1,6 +1,7 @@
 """The table of savings: none changes what it leaves, each saves something, on a small size."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,6 +41,14 @@ def test_rendering_skips_what_does_not_show(truth: Truth, job: Job) -> None:
     assert outside.error < 1e-4
     assert empty.error < 0.2
     assert hidden.error < 1e-3
+
+
+def test_what_comes_after_convergence_is_compared(truth: Truth, job: Job, tmp_path: Path) -> None:
+    # Every drift but an infinite one is below 10: training ends as soon as it has looked often enough.
+    options = dataclasses.replace(job.train_nerf, steps=100, convergence=10.0, resolution=8)
+    row = skip.after_convergence(truth, dataclasses.replace(job, train_nerf=options), 8, tmp_path)
+    assert row.on < row.off == 100
+    assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_painting_skips_texels_without_changing_the_others(truth: Truth, job: Job) -> None:
