@@ -10,6 +10,7 @@ Euclidean distance from the reference's difference, over all noise levels togeth
 
 from __future__ import annotations
 
+import logging
 import os
 import statistics
 import tempfile
@@ -24,12 +25,17 @@ import numpy as np
 import onnx
 import onnx_ir as ir
 import onnxruntime
+import torch
 from onnx import numpy_helper
 from onnxruntime import quantization
 from PIL import Image, ImageDraw
 
-from export.graph import store_as_half
+from export.everyday_objects.autoencoder import LATENT_CHANNELS
+from export.everyday_objects.restore import restore_networks
+from export.everyday_objects.text_encoder import MAX_TOKENS, WIDTH
+from export.graph import export_graph, store_as_half
 from pipeline.diffusion.bundle import open_bundle
+from pipeline.diffusion.onnx_file import read_onnx
 from pipeline.diffusion.prompts import view_texts
 from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.sessions import Denoise, denoiser, text_encoder
@@ -148,8 +154,13 @@ def quantised(
     quantization.quantize_dynamic(
         plain, made["int8 dynamic"] / "model.onnx", op_types_to_quantize=["MatMul", "Gemm"]
     )
+    logging.getLogger().setLevel(logging.ERROR)  # a line for every vector that has no channels
     quantization.quantize_static(
-        plain, made["int8 static"] / "model.onnx", Calibration(session, texts, cases), per_channel=True
+        plain,
+        made["int8 static"] / "model.onnx",
+        Calibration(session, texts, cases),
+        op_types_to_quantize=["Conv", "MatMul", "Gemm"],
+        per_channel=True,
     )
     onnx.save(eight_bit_weights(onnx.load(plain)), made["8-bit weights"] / "model.onnx")
     model = ir.load(plain)
@@ -173,6 +184,35 @@ def eight_bit_weights(model: onnx.ModelProto) -> onnx.ModelProto:
                 numpy_helper.from_array((np.round(values / step) * step).astype(np.float32), tensor.name)
             )
     return model
+
+
+def free_size(bundle: Path, work: Path) -> Path | None:
+    """Return a denoiser of the bundle that takes any size: its own, or one exported anew; None if neither
+    can be had.
+    """
+    side = open_bundle(bundle, verify=False).latent_size
+    shape = read_onnx(bundle / "unet" / "model.onnx").inputs["sample"].shape
+    if shape is None or shape[2] != side:
+        return bundle / "unet"
+    if bundle.name != DEFAULT_MODEL:
+        return None
+
+    def example(rows: int, size: int) -> dict[str, torch.Tensor]:
+        text, steps = torch.randn(rows, MAX_TOKENS, WIDTH), torch.arange(rows)
+        latents = torch.randn(rows, LATENT_CHANNELS, size, size)
+        return {"sample": latents, "timestep": steps, "encoder_hidden_states": text}
+
+    axes = {name: {0: "rows"} for name in example(1, 8)}
+    axes["sample"] |= {2: "height", 3: "width"}
+    export_graph(
+        restore_networks(bundle)[2],
+        example(2, side),
+        ["out_sample"],
+        work / "free size",
+        dynamic_axes=axes,
+        check_inputs=[example(2, side // 2)],
+    )
+    return work / "free size"
 
 
 def measure(
@@ -246,14 +286,20 @@ def main(folder: Path) -> dict[str, Any]:
             rows["two runs at once"] = measure(concurrent(single, texts, pool), reference, cases)
         for threads in sorted({1, cores // 2, 2 * cores} - {0, cores}):
             with denoiser(unet, threads=threads) as other:
-                rows[f"{threads} threads"] = measure(guided(other, texts), reference, cases)
+                rows[f"{threads} thread{'s' * (threads > 1)}"] = measure(
+                    guided(other, texts), reference, cases
+                )
         for name, place in quantised(unet, Path(work), texts, cases).items():
             with denoiser(place) as other:
                 rows[name] = measure(guided(other, texts), reference, cases)
         if "OpenVINOExecutionProvider" in onnxruntime.get_available_providers():
             with denoiser(unet, provider="openvino") as other:
                 rows["OpenVINO"] = measure(guided(other, texts), reference, cases)
-        rows["half resolution"] = measure(coarse(reference), reference, cases)
+        if (free := free_size(bundle, Path(work))) is None:
+            print(f"half resolution: left out, {unet} is fixed to {cases[0][0].shape[-1]} latents a side")
+        else:
+            with denoiser(free) as other:
+                rows["half resolution"] = measure(coarse(guided(other, texts)), reference, cases)
         skipping = without_unconditional(exact, texts, reference, int(SKIP_ABOVE * total))
         rows[f"no unconditional pass above {SKIP_ABOVE:g}"] = measure(skipping, reference, cases)
     plot(rows).save(folder / "denoiser.png")

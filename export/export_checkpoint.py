@@ -109,7 +109,9 @@ def _write_bundle(
     checkpoint.write_tokenizer(folder / "tokenizer")
     text_encoder = checkpoint.text_encoder()
     length = text_encoder.config.max_position_embeddings
-    write("text_encoder", lambda place: export_text_encoder(text_encoder, length, place, **half, release=True))
+    write(
+        "text_encoder", lambda place: export_text_encoder(text_encoder, length, place, **half, release=True)
+    )
     del text_encoder
 
     unet = checkpoint.unet()

@@ -75,7 +75,8 @@ def export_text_encoder(
 ) -> float:
     """Write a CLIPTextModel as `folder/model.onnx`; return its largest difference from torch.
 
-    `length`: tokens a text. `release`, errors: as `export_graph`. The model's embedding table is replaced on the way.
+    `length`: tokens a text. `release`, errors: as `export_graph`. The model's embedding table is
+    replaced on the way.
     """
     module = TextEncoderGraph(model).eval()
 

@@ -57,8 +57,8 @@ class TrainNerf(Distillation):
     # Of ten trainings on ideal denoisers none stopped more than 5 % from its final error below 1.4.
     convergence: float = option(
         1.35,
-        "training ends, after half of its steps at the earliest, once the scene drifts less than so many times "
-        "its trembling; 0: never",
+        "training ends, after half of its steps at the earliest, once the scene drifts less than so many "
+        "times its trembling; 0: never",
         0,
         10,
     )

@@ -44,7 +44,7 @@ class Graph:
 
         options = onnxruntime.SessionOptions()
         options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_ALL
-        options.intra_op_num_threads = _threads() if threads is None else threads
+        options.intra_op_num_threads = usable_threads() if threads is None else threads
         # Its threads may spin while a run lasts (a tenth faster), but not between runs, when the cores belong
         # to torch and numba.
         options.add_session_config_entry("session.force_spinning_stop", "1")
@@ -137,8 +137,8 @@ class Graph:
         return value
 
 
-def _threads() -> int:
-    """Cores this process may use; OMP_NUM_THREADS lowers it, as for torch and numpy."""
+def usable_threads() -> int:
+    """Return the cores that this process may use; OMP_NUM_THREADS lowers it, as for torch and numpy."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     wished = os.environ.get("OMP_NUM_THREADS", "")
     return min(cores, int(wished)) if wished.isdigit() and int(wished) > 0 else cores

@@ -16,6 +16,7 @@ d text width, c latent channels, h and w latent pixels.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeAlias
@@ -24,7 +25,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from pipeline.diffusion.bundle import graph_scale
-from pipeline.diffusion.graphs import Array, open_graph
+from pipeline.diffusion.graphs import Array, open_graph, usable_threads
 from pipeline.errors import InputError
 
 EncodeText: TypeAlias = Callable[[Int[Array, "b l"]], Float[Array, "b l d"]]
@@ -36,6 +37,9 @@ Encode: TypeAlias = Callable[[Float[Array, "b H W 3"]], Float[Array, "b c h w"]]
 PullBack: TypeAlias = Callable[[Float[Array, "b H W 3"], Float[Array, "b c h w"]], Float[Array, "b H W 3"]]
 
 GUIDANCE_WIDTH, LCM_GUIDANCE = 256, 7.5
+LANE_ROWS = 4
+"""Eight rows of the default bundle take 14 % less time as four on each of two threads, with the same bits;
+single rows take more."""
 
 
 def guidance_embedding(guidance: float, width: int) -> Float[Array, " w"]:
@@ -83,13 +87,20 @@ def text_encoder(
 
 
 @contextmanager
-def denoiser(folder: Path, threads: int | None = None, provider: str = "cpu") -> Iterator[Denoise]:
+def denoiser(
+    folder: Path, threads: int | None = None, provider: str = "cpu", rows_expected: int = 1
+) -> Iterator[Denoise]:
     """Give denoise: latents (b, c, h, w), timesteps (b,), text (b, l, d) -> raw network output (b, c, h, w).
 
-    One call to the network where the graph allows it; one for each distinct timestep where its
+    One run of the network where the graph allows it; one for each distinct timestep where its
     timestep is a scalar; blocks of its own size where its batch is fixed.
+    `rows_expected`: b of most calls. When it gives every thread `LANE_ROWS`, each thread runs its own share
+    of the rows, and they need not wait for each other in every operator.
     """
-    with open_graph(folder, threads, provider) as graph:
+    threads = usable_threads() if threads is None else threads
+    lanes = threads if provider == "cpu" and rows_expected >= LANE_ROWS * threads else 1
+    with open_graph(folder, threads // lanes, provider) as graph, ThreadPoolExecutor(lanes) as pool:
+        share = pool.map if lanes > 1 else map
         one_timestep = graph.rank("timestep") == 0 or graph.axis("timestep", 0) == 1
         fixed = graph.axis("sample", 0)
 
@@ -113,11 +124,12 @@ def denoiser(folder: Path, threads: int | None = None, provider: str = "cpu") ->
             groups = [np.arange(len(sample))]
             if one_timestep:
                 groups = [np.flatnonzero(timesteps == t) for t in np.unique(timesteps)]
-            size = fixed or len(sample)
+            size = fixed or -(-len(sample) // lanes)
             blocks = [rows[start : start + size] for rows in groups for start in range(0, len(rows), size)]
             result = np.empty(sample.shape, np.float32)
-            for rows in blocks:
-                result[rows] = call(sample[rows], timesteps[rows], text[rows])
+            found = share(lambda rows: call(sample[rows], timesteps[rows], text[rows]), blocks)
+            for rows, values in zip(blocks, found, strict=True):
+                result[rows] = values
             return result
 
         yield denoise

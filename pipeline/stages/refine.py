@@ -100,7 +100,8 @@ def rgb_guidance(context: Context, bundle: Bundle, decode: Decode) -> Iterator[G
         )
     context.metrics["gradient"] = way
     with ExitStack() as stack:
-        denoise = stack.enter_context(denoiser(inputs["unet"], provider=provider))
+        rows = 2 * options.cameras_per_step
+        denoise = stack.enter_context(denoiser(inputs["unet"], provider=provider, rows_expected=rows))
         encode = stack.enter_context(vae_encoder(inputs["vae_encoder"], scale, provider))
 
         def step(latents: Float[np.ndarray, "b 4 h w"], batch: Batch) -> Any:

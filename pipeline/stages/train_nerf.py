@@ -45,7 +45,8 @@ def train(
 ) -> None:
     """Take the steps that `state` has not done yet, then settle its occupancy; record each step in `history`.
 
-    A scene that has converged, by `options.convergence`, takes no further steps. `keep` is called every `checkpoint_every` steps, `show` every `preview_every` steps.
+    A scene that has converged, by `options.convergence`, takes no further steps. `keep` is called every
+    `checkpoint_every` steps, `show` every `preview_every` steps.
 
     Raises:
         FloatingPointError: a NaN or an infinity, named by tensor and step.
@@ -148,7 +149,11 @@ def main(context: Context) -> None:
         files.publish([(partial, context.scratch / PREVIEW)])
 
     where = explained("train_nerf", "train_nerf", lambda: state.step, context.scratch)
-    with denoiser(context.inputs["unet"], provider=context.job.provider) as denoise, where:
+    rows = 2 * options.cameras_per_step
+    with (
+        denoiser(context.inputs["unet"], provider=context.job.provider, rows_expected=rows) as denoise,
+        where,
+    ):
         guidance = diffusion_guidance(denoise, schedule, embeddings, options)
         train(
             state,

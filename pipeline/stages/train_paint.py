@@ -134,7 +134,11 @@ def main(context: Context) -> None:
         checkpoint_files.write(context.scratch, state.step, encode_state(state, history))
 
     where = explained("train_paint", "train_paint", lambda: state.step, context.scratch)
-    with denoiser(context.inputs["unet"], provider=context.job.provider) as denoise, where:
+    rows = 2 * options.cameras_per_step
+    with (
+        denoiser(context.inputs["unet"], provider=context.job.provider, rows_expected=rows) as denoise,
+        where,
+    ):
         guidance = diffusion_guidance(denoise, schedule, embeddings, options)
         train(state, history, options, pool, guidance, keep, show)
 

@@ -9,7 +9,7 @@ import onnx
 import pytest
 from onnx import numpy_helper
 
-from pipeline.diffusion.graphs import explain_load_error, open_graph
+from pipeline.diffusion.graphs import Graph, explain_load_error, open_graph
 from pipeline.diffusion.sessions import denoiser, guidance_embedding, text_encoder, vae_decoder, vae_encoder
 from pipeline.errors import InputError
 from tests.tiny_bundle import (
@@ -81,6 +81,26 @@ def test_every_row_has_its_own_text(tmp_path: Path) -> None:
         alone = [denoise(noisy[i : i + 1], timesteps[i : i + 1], text[i : i + 1])[0] for i in range(3)]
     np.testing.assert_allclose(together, alone, atol=1e-6)
     assert np.abs(together[0] - together[2]).max() > 0.1
+
+
+@pytest.mark.parametrize(("threads", "expected", "runs"), [(2, 8, 2), (2, 7, 1), (3, 12, 3), (1, 8, 1)])
+def test_threads_share_the_rows_where_each_gets_enough(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, threads: int, expected: int, runs: int
+) -> None:
+    write_unet(tmp_path, prediction="sample", timestep="int64")
+    text = np.random.default_rng(0).normal(size=(9, 5, WIDTH)).astype(np.float32)
+    noisy, timesteps = noisy_latents(9, 8), np.arange(9) * 100
+    with denoiser(tmp_path, 1) as denoise:
+        one = denoise(noisy, timesteps, text)
+    rows: list[int] = []
+    run = Graph.run
+    monkeypatch.setattr(
+        Graph, "run", lambda self, feeds: rows.append(len(feeds["sample"])) or run(self, feeds)
+    )
+    with denoiser(tmp_path, threads, rows_expected=expected) as denoise:
+        shared = denoise(noisy, timesteps, text)
+    assert sorted(rows, reverse=True) == [len(part) for part in np.array_split(np.arange(9), runs)]
+    np.testing.assert_allclose(shared, one, atol=1e-6)
 
 
 def test_a_size_that_the_graph_fixes_is_an_error_with_both_sizes(tmp_path: Path) -> None:
