@@ -26,10 +26,11 @@ import onnx
 import onnx_ir as ir
 import onnxruntime
 import torch
+from matplotlib.figure import Figure
 from onnx import numpy_helper
 from onnxruntime import quantization
-from PIL import Image, ImageDraw
 
+from benchmarks._tables import markdown
 from export.everyday_objects.autoencoder import LATENT_CHANNELS
 from export.everyday_objects.restore import restore_networks
 from export.everyday_objects.text_encoder import MAX_TOKENS, WIDTH
@@ -46,6 +47,7 @@ LEVELS = (0.1, 0.3, 0.5, 0.7, 0.9)
 """Shares of the schedule: little noise to much."""
 SKIP_ABOVE = 0.8
 PROMPT = "a red armchair"
+REFERENCE = "fp32, batch of 2"
 Difference = Callable[[np.ndarray, int], np.ndarray]
 """Noisy latents (1, c, h, w) and a timestep to eps_cond - eps_uncond."""
 
@@ -241,32 +243,22 @@ def measure(
     }
 
 
-def plot(rows: dict[str, dict[str, float]]) -> Image.Image:
-    """Draw relative time (across) against error (up, logarithmic from 1e-5 to 2)."""
-    width, height, edge = 900, 480, 60
-    picture = Image.new("RGB", (width, height), "white")
-    pen = ImageDraw.Draw(picture)
-    longest = max(1.5, max(row["relative_time"] for row in rows.values()))
-
-    def place(across: float, error: float) -> tuple[float, float]:
-        up = (np.log10(max(error, 1e-5)) + 5) / (np.log10(2.0) + 5)
-        return edge + across / longest * (width - 5 * edge), height - edge - up * (height - 2 * edge)
-
-    for power in range(-5, 1):
-        x, y = place(0, 10.0**power)
-        pen.line([(x, y), (width - edge, y)], fill="#dddddd")
-        pen.text((5, y - 6), f"1e{power}", fill="black")
-    for tick in np.arange(0, longest + 0.01, 0.5):
-        x, y = place(float(tick), 1e-5)
-        pen.line([(x, edge), (x, y)], fill="#dddddd")
-        pen.text((x - 8, y + 8), f"{tick:g}", fill="black")
-    pen.text((width // 3, height - 20), "time, relative to fp32 on a batch of 2", fill="black")
-    pen.text((5, 10), "error of eps_cond - eps_uncond", fill="black")
+def plot(rows: dict[str, dict[str, float]], path: Path) -> None:
+    """Draw relative time (across) against error (up, logarithmic; exact ways stand at 1e-5)."""
+    figure = Figure(figsize=(9, 5), layout="constrained")
+    axes = figure.subplots()
+    axes.set_yscale("log")
+    axes.set_ylim(2e-6, 10)
+    axes.grid(visible=True, color="#dddddd")
+    axes.set_xlabel("time, relative to fp32 on a batch of 2")
+    axes.set_ylabel("error of eps_cond - eps_uncond (1e-5: none)")
     for name, row in rows.items():
-        x, y = place(row["relative_time"], row["error"])
-        pen.ellipse([x - 4, y - 4, x + 4, y + 4], fill="#b03030")
-        pen.text((x + 7, y - 6), name, fill="black")
-    return picture
+        x, y = row["relative_time"], max(row["error"], 1e-5)
+        axes.plot([x], [y], "o", color="#2060a0" if name == REFERENCE else "#b03030")
+        # Exact ways share a height: their names stand upright above them.
+        turn = 60 if y == 1e-5 else 0
+        axes.annotate(name, (x, y), (6, 4), textcoords="offset points", fontsize=8, rotation=turn)
+    figure.savefig(path, dpi=100, metadata={"Software": None})
 
 
 def main(folder: Path) -> dict[str, Any]:
@@ -279,7 +271,7 @@ def main(folder: Path) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as work, ExitStack() as stack:
         exact = stack.enter_context(denoiser(unet))
         reference = guided(exact, texts)
-        rows["fp32, batch of 2"] = measure(reference, reference, cases)
+        rows[REFERENCE] = measure(reference, reference, cases)
         pool = stack.enter_context(ThreadPoolExecutor(2))
         rows["two runs in turn"] = measure(concurrent_in_turn(exact, texts), reference, cases)
         with denoiser(unet, threads=max(1, cores // 2)) as single:
@@ -302,7 +294,11 @@ def main(folder: Path) -> dict[str, Any]:
                 rows["half resolution"] = measure(coarse(guided(other, texts)), reference, cases)
         skipping = without_unconditional(exact, texts, reference, int(SKIP_ABOVE * total))
         rows[f"no unconditional pass above {SKIP_ABOVE:g}"] = measure(skipping, reference, cases)
-    plot(rows).save(folder / "denoiser.png")
+    plot(rows, folder / "denoiser.png")
+    table = markdown(
+        ("way", "time", "error"), [(n, row["relative_time"], row["error"]) for n, row in rows.items()]
+    )
+    (folder / "denoiser.md").write_text(table, encoding="utf-8")
     summary = {name: [row["relative_time"], row["error"]] for name, row in rows.items()}
     return {"summary": summary, "model": bundle.name, "load_at_end": os.getloadavg(), "rows": rows}
 

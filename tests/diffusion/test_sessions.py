@@ -87,7 +87,7 @@ def test_every_row_has_its_own_text(tmp_path: Path) -> None:
 def test_threads_share_the_rows_where_each_gets_enough(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, threads: int, expected: int, runs: int
 ) -> None:
-    write_unet(tmp_path, prediction="sample", timestep="int64")
+    write_unet(tmp_path, prediction="sample", timestep="int64[batch]")
     text = np.random.default_rng(0).normal(size=(9, 5, WIDTH)).astype(np.float32)
     noisy, timesteps = noisy_latents(9, 8), np.arange(9) * 100
     with denoiser(tmp_path, 1) as denoise:
