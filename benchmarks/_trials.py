@@ -7,18 +7,15 @@ import dataclasses
 import functools
 import hashlib
 import json
-import multiprocessing
-import os
 import time
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from benchmarks._ideal import Calls, ideal_guidance
+from benchmarks._pool import at_once
 from benchmarks._truths import (
     MODELS,
     Truth,
@@ -33,7 +30,6 @@ from pipeline.job import Job, resolve
 from pipeline.nerf_options import TrainNerf
 from pipeline.options import plain
 from pipeline.paint_options import TrainPaint
-from pipeline.progress import Progress
 from pipeline.scene.cameras import Camera, sphere
 from pipeline.scene.coordinates import make_coordinates
 from pipeline.scene.flat_colours import flat_colours
@@ -194,23 +190,9 @@ def kept(name: str, truth: Truth, job: Job, traced: int, cache: Path, resolution
 
 
 def fill(trials: Sequence[Trial], cache: Path) -> None:
-    """Run the trials that the cache lacks, as many at once as there are processors, one thread each.
-
-    Trials are small: two of one thread take less time than one after the other of two.
-    """
+    """Run the trials that the cache lacks, several at once."""
     missing = [trial for trial in trials if not _place(trial, cache).is_file()]
-    if not missing:
-        return
-    workers = min(len(os.sched_getaffinity(0)), len(missing))
-    with (
-        _one_thread_each(),
-        ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool,
-        Progress("trials on known scenes", len(missing)) as progress,
-    ):
-        jobs = [pool.submit(_fill_one, trial, cache) for trial in missing]
-        for done, job in enumerate(as_completed(jobs), 1):
-            job.result()
-            progress.update(done)
+    at_once(_fill_one, [(trial, cache) for trial in missing], "trials on known scenes")
 
 
 def _fill_one(trial: Trial, cache: Path) -> None:
@@ -220,18 +202,6 @@ def _fill_one(trial: Trial, cache: Path) -> None:
 @functools.cache
 def _truths() -> dict[str, Truth]:
     return {truth.name: truth for truth in (*analytic_scenes(), *catalogue_scenes(list(MODELS)))}
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Have processes that start meanwhile use one thread: libraries read these variables once."""
-    before = dict(os.environ)
-    os.environ.update({f"{library}_NUM_THREADS": "1" for library in ("NUMBA", "OMP", "MKL", "OPENBLAS")})
-    try:
-        yield
-    finally:
-        os.environ.clear()
-        os.environ.update(before)
 
 
 def _place(trial: Trial, cache: Path) -> Path:
