@@ -16,6 +16,8 @@ import numpy as np
 from jaxtyping import Float
 
 from benchmarks import _scenes as scenes
+from benchmarks._pool import at_once
+from benchmarks._tables import markdown
 from benchmarks.refine import rounded
 from pipeline.diffusion.guidance import Embeddings, load_embeddings
 from pipeline.diffusion.prompts import view_index
@@ -67,34 +69,39 @@ def front_from_behind(scene_file: Path, embeddings: Embeddings) -> float:
     return float(np.mean(votes))
 
 
+def judged(prompt: str, name: str) -> tuple[dict[str, Any], np.ndarray]:
+    """Train a prompt with an option; return its figures and pictures."""
+    work = scenes.WORK / "guidance" / prompt.replace(" ", "-") / name.replace(" ", "-")
+    scenes.train(scenes.make_job(prompt, work, {"train_nerf": OPTIONS[name]}), work)
+    with scenes.open_decoder() as decode:
+        looks = scenes.look(work / "field.npz", decode)
+    judge = scenes.judge()
+    row = {
+        "prompt": prompt,
+        "option": name,
+        "agreement": scenes.agreement(judge, looks, prompt),
+        "rank": scenes.rank(judge, looks, prompt),
+        "front_from_behind": front_from_behind(work / "field.npz", load_embeddings(work / "embeddings.npz")),
+        "saturation": scenes.saturation(looks),
+        "seconds": scenes.step_seconds(work / "training.json"),
+    }
+    return row, scenes.strip(looks)
+
+
 def main(folder: Path) -> dict[str, Any]:
     """Train every prompt with every option; write a sheet of pictures, an option a column."""
-    judged = scenes.judge()
-    rows: list[dict[str, Any]] = []
-    pictures = []
-    for prompt in scenes.chosen(PROMPT_COUNT):
-        for name, section in OPTIONS.items():
-            work = scenes.WORK / "guidance" / prompt.replace(" ", "-") / name.replace(" ", "-")
-            scenes.train(scenes.make_job(prompt, work, {"train_nerf": section}), work)
-            with scenes.open_decoder() as decode:
-                looks = scenes.look(work / "field.npz", decode)
-            rows.append({
-                "prompt": prompt,
-                "option": name,
-                "agreement": scenes.agreement(judged, looks, prompt),
-                "rank": scenes.rank(judged, looks, prompt),
-                "front_from_behind": front_from_behind(
-                    work / "field.npz", load_embeddings(work / "embeddings.npz")
-                ),
-                "saturation": scenes.saturation(looks),
-                "seconds": scenes.step_seconds(work / "training.json"),
-            })  # fmt: skip
-            pictures.append((f"{prompt}: {name}", scenes.strip(looks)))
+    calls = [(prompt, name) for prompt in scenes.chosen(PROMPT_COUNT) for name in OPTIONS]
+    results = at_once(judged, calls, "scenes")
+    rows = [row for row, _ in results]
+    pictures = [(f"{row['prompt']}: {row['option']}", strip) for row, strip in results]
     scenes.contact_sheet(folder / "guidance.png", pictures, len(OPTIONS))
     table = {name: figures([r for r in rows if r["option"] == name]) for name in OPTIONS}
     base = table["base"]["seconds"]
     for row in table.values():
         row["seconds"] = round(row["seconds"] / base, 3)
+    heads = list(table["base"])
+    lines = [(name, *(row[head] for head in heads)) for name, row in table.items()]
+    (folder / "guidance.md").write_text(markdown(("option", *heads), lines), encoding="utf-8")
     return {"summary": table, "scenes": rows}
 
 

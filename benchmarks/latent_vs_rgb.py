@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import _scenes as scenes
+from benchmarks._pool import at_once
 from benchmarks.refine import rounded
 from pipeline.diffusion.guidance import flat_backgrounds, load_embeddings
 from pipeline.distillation_options import Distillation
@@ -41,39 +42,46 @@ def from_the_first_step(job: Job) -> Job:
     return dataclasses.replace(job, refinement=whole)
 
 
+def judged(prompt: str) -> list[tuple[dict[str, Any], np.ndarray]]:
+    """Train a prompt in every way; return figures and pictures of each."""
+    judge, work = scenes.judge(), scenes.WORK / "latent-vs-rgb" / prompt.replace(" ", "-")
+    job = scenes.make_job(prompt, work, {})
+    scenes.train(job, work)
+    scenes.refined(job, work)
+    pure = work / "rgb"
+    whole = from_the_first_step(scenes.make_job(prompt, pure, {}))
+    pure.joinpath("embeddings.npz").write_bytes((work / "embeddings.npz").read_bytes())
+    backgrounds = flat_backgrounds(load_embeddings(work / "embeddings.npz"))
+    save_scene(pure / "field.npz", initial_state(whole.train_nerf, backgrounds, whole.seed).scene)
+    scenes.refined(whole, pure)
+    latent = scenes.total_seconds(work / "training.json")
+    seconds = {
+        "latent": latent,
+        "refined": latent + scenes.total_seconds(work / "refinement.json"),
+        "rgb": scenes.total_seconds(pure / "refinement.json"),
+    }
+    with scenes.open_decoder() as decode:
+        looks = {"latent": scenes.look(work / "field.npz", decode)}
+    looks |= {"refined": scenes.look(work / "field_rgb.npz"), "rgb": scenes.look(pure / "field_rgb.npz")}
+    found = []
+    for way in WAYS:
+        row = {
+            "prompt": prompt,
+            "way": way,
+            "seconds": seconds[way],
+            "agreement": scenes.agreement(judge, looks[way], prompt),
+            "rank": scenes.rank(judge, looks[way], prompt),
+        }
+        found.append((row, scenes.strip(looks[way])))
+    return found
+
+
 def main(folder: Path) -> dict[str, Any]:
     """Train every prompt in every way; write a sheet of pictures."""
-    judged = scenes.judge()
-    rows: list[dict[str, Any]] = []
-    pictures = []
-    for prompt in scenes.chosen(PROMPT_COUNT):
-        work = scenes.WORK / "latent-vs-rgb" / prompt.replace(" ", "-")
-        job = scenes.make_job(prompt, work, {})
-        scenes.train(job, work)
-        scenes.refined(job, work)
-        pure = work / "rgb"
-        whole = from_the_first_step(scenes.make_job(prompt, pure, {}))
-        pure.joinpath("embeddings.npz").write_bytes((work / "embeddings.npz").read_bytes())
-        backgrounds = flat_backgrounds(load_embeddings(work / "embeddings.npz"))
-        save_scene(pure / "field.npz", initial_state(whole.train_nerf, backgrounds, whole.seed).scene)
-        scenes.refined(whole, pure)
-        latent = scenes.total_seconds(work / "training.json")
-        seconds = {
-            "latent": latent,
-            "refined": latent + scenes.total_seconds(work / "refinement.json"),
-            "rgb": scenes.total_seconds(pure / "refinement.json"),
-        }
-        with scenes.open_decoder() as decode:
-            looks = {"latent": scenes.look(work / "field.npz", decode)}
-        looks |= {"refined": scenes.look(work / "field_rgb.npz"), "rgb": scenes.look(pure / "field_rgb.npz")}
-        for way in WAYS:
-            row = {"prompt": prompt, "way": way, "seconds": seconds[way]}
-            row |= {
-                "agreement": scenes.agreement(judged, looks[way], prompt),
-                "rank": scenes.rank(judged, looks[way], prompt),
-            }
-            rows.append(row)
-            pictures.append((f"{prompt}: {way}, rank {row['rank']}", scenes.strip(looks[way])))
+    calls = [(prompt,) for prompt in scenes.chosen(PROMPT_COUNT)]
+    results = [one for found in at_once(judged, calls, "prompts, three ways each") for one in found]
+    rows = [row for row, _ in results]
+    pictures = [(f"{row['prompt']}: {row['way']}, rank {row['rank']}", strip) for row, strip in results]
     scenes.contact_sheet(folder / "latent-vs-rgb.png", pictures, len(WAYS))
     summary: dict[str, float] = {}
     for way in WAYS:

@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks import _scenes as scenes
+from benchmarks._pool import at_once
+from benchmarks._tables import markdown
 
 PROMPT_COUNT = 8
 CHOSEN = "encoder"
@@ -28,44 +30,54 @@ VARIANTS: dict[str, dict[str, Any]] = {
 }
 
 
+def judged(prompt: str, variants: tuple[str, ...]) -> list[tuple[dict[str, Any], np.ndarray]]:
+    """Train a prompt's latent scene and refine it in every way; return figures and pictures of each."""
+    judge, work = scenes.judge(), scenes.WORK / "refine" / prompt.replace(" ", "-")
+    found = []
+    latent_step = 0.0
+    for name in ("before", *variants):
+        section = VARIANTS.get(name, {})
+        job = scenes.make_job(prompt, work, {"refinement": section} if section else {})
+        scenes.train(job, work)
+        row: dict[str, Any] = {"prompt": prompt, "variant": name}
+        if name == "before":
+            with scenes.open_decoder() as decode:
+                looks = scenes.look(work / "field.npz", decode)
+            latent_step = row["step_seconds"] = scenes.step_seconds(work / "training.json")
+        else:
+            metrics = scenes.refined(job, work)
+            (work / "refine.json").rename(work / f"refine-{name}.json")
+            looks = scenes.look(work / "field_rgb.npz")
+            step = scenes.step_seconds(work / "refinement.json", job.refinement.fit_steps)
+            row |= {
+                "start_psnr": metrics["start_psnr"],
+                "likeness": metrics["end_psnr"],
+                "step_seconds": step,
+                "step_ratio": step / latent_step,
+            }
+        row |= {
+            "sharpness": scenes.sharpness(looks),
+            "agreement": scenes.agreement(judge, looks, prompt),
+            "rank": scenes.rank(judge, looks, prompt),
+        }
+        found.append((row, scenes.strip(looks)))
+    return found
+
+
 def main(folder: Path) -> dict[str, Any]:
     """Refine the scene of every prompt in every way; write one sheet of pictures, a row a scene and way."""
-    judged = scenes.judge()
     has_gradient = (scenes.model().path / "vae_encoder_vjp").is_dir()
-    variants = {name: v for name, v in VARIANTS.items() if has_gradient or v.get("gradient") != "encoder"}
+    variants = tuple(n for n, v in VARIANTS.items() if has_gradient or v.get("gradient") != "encoder")
     chosen = CHOSEN if CHOSEN in variants else "image"
-    rows: list[dict[str, Any]] = []
-    pictures = []
-    for prompt in scenes.chosen(PROMPT_COUNT):
-        work = scenes.WORK / "refine" / prompt.replace(" ", "-")
-        for name, section in {"before": {}, **variants}.items():
-            job = scenes.make_job(prompt, work, {"refinement": section} if section else {})
-            scenes.train(job, work)
-            row: dict[str, Any] = {"prompt": prompt, "variant": name}
-            if name == "before":
-                with scenes.open_decoder() as decode:
-                    looks = scenes.look(work / "field.npz", decode)
-                latent_step = row["step_seconds"] = scenes.step_seconds(work / "training.json")
-            else:
-                metrics = scenes.refined(job, work)
-                (work / "refine.json").rename(work / f"refine-{name}.json")
-                looks = scenes.look(work / "field_rgb.npz")
-                step = scenes.step_seconds(work / "refinement.json", job.refinement.fit_steps)
-                row |= {
-                    "start_psnr": metrics["start_psnr"],
-                    "likeness": metrics["end_psnr"],
-                    "step_seconds": step,
-                }
-                row["step_ratio"] = step / latent_step
-            row |= {
-                "sharpness": scenes.sharpness(looks),
-                "agreement": scenes.agreement(judged, looks, prompt),
-                "rank": scenes.rank(judged, looks, prompt),
-            }
-            rows.append(row)
-            pictures.append((f"{prompt}: {name}, rank {row['rank']}", scenes.strip(looks)))
+    calls = [(prompt, variants) for prompt in scenes.chosen(PROMPT_COUNT)]
+    results = [one for found in at_once(judged, calls, "scenes") for one in found]
+    rows = [row for row, _ in results]
+    pictures = [(f"{row['prompt']}: {row['variant']}, rank {row['rank']}", strip) for row, strip in results]
     scenes.contact_sheet(folder / "refine.png", pictures, 1 + len(variants))
     table = {name: means([r for r in rows if r["variant"] == name]) for name in ("before", *variants)}
+    heads = ("sharpness", "agreement", "noun_top5", "start_psnr", "likeness", "step_ratio")
+    lines = [(name, *(row.get(head, "") for head in heads)) for name, row in table.items()]
+    (folder / "refine.md").write_text(markdown(("variant", *heads), lines), encoding="utf-8")
     summary = {
         "start_psnr": table[chosen]["start_psnr"],
         "sharpness_gain": table[chosen]["sharpness"] / max(table["before"]["sharpness"], 1e-9),
