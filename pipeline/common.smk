@@ -42,7 +42,7 @@ def given_files(name):
 
 
 PYTHON = sys.executable
-STAGE = "exec {PYTHON:q} -m pipeline.stages.{rule} --job job.yaml {params.files:q}"
+STAGE = "exec {PYTHON:q} -m pipeline.warm {rule} --job job.yaml {params.files:q}"
 
 
 rule all:

@@ -14,6 +14,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import FrameType
+from typing import TextIO
 
 from pipeline import job as jobs
 from pipeline import provenance
@@ -27,6 +28,7 @@ from pipeline.options import read_yaml
 from pipeline.plan import Step, make_plan
 from pipeline.progress import duration, say
 from pipeline.stage import FOLLOW_PARENT, die_with_parent
+from pipeline.warm import ADDRESS
 
 PROFILES = Path(__file__).with_name("profiles")
 RESULTS = ("asset.glb", "report.html")
@@ -153,7 +155,11 @@ def _snakemake(job: Job, run: Path, stages: list[str], threads: int, profile: Pa
         *(["--cores", str(threads)] if here else []),
     ]
     (run / "logs").mkdir(exist_ok=True)
-    with (run / "logs" / "snakemake.log").open("w", encoding="utf-8") as log:
+    with (
+        (run / "logs" / "snakemake.log").open("w", encoding="utf-8") as log,
+        _termination_as_interrupt(),
+        _warm(run, stages if here else [], environment(threads, os.environ), log) as variables,
+    ):
         # A stage's progress is its standard output; the rest is Snakemake's and goes to the log.
         process = subprocess.Popen(
             command,
@@ -161,15 +167,41 @@ def _snakemake(job: Job, run: Path, stages: list[str], threads: int, profile: Pa
             stdout=sys.stderr,
             stderr=log,
             pass_fds=[lock],
-            env=environment(threads, os.environ),
+            env=variables,
             preexec_fn=die_with_parent,
         )
-        with _termination_as_interrupt():
-            try:
-                return process.wait()
-            finally:
-                process.kill()
-                process.wait()
+        try:
+            return process.wait()
+        finally:
+            process.kill()
+            process.wait()
+
+
+@contextlib.contextmanager
+def _warm(run: Path, stages: list[str], variables: dict[str, str], log: TextIO) -> Iterator[dict[str, str]]:
+    """Have `pipeline.warm` serve the stages meanwhile; give the environment to call them in."""
+    cold = {name: value for name, value in variables.items() if name != ADDRESS}
+    if not stages or sys.platform != "linux":  # elsewhere nothing would end the stages of a killed server
+        yield cold
+        return
+    address = run / ".warm"
+    address.unlink(missing_ok=True)
+    server = subprocess.Popen(
+        # Both ends name the socket from inside the run's folder: a longer path may not fit its address.
+        [sys.executable, "-m", "pipeline.warm", "--serve", address.name, *stages],
+        cwd=run,
+        stdin=subprocess.DEVNULL,
+        stdout=log,
+        stderr=log,
+        env=cold,
+        preexec_fn=die_with_parent,
+    )
+    try:
+        yield {**cold, ADDRESS: address.name}
+    finally:
+        server.kill()
+        server.wait()
+        address.unlink(missing_ok=True)
 
 
 def _failure(run: Path) -> InputError | StageFailure:

@@ -1,0 +1,134 @@
+"""Stages without the seconds that each would spend on importing torch, scipy and numba.
+
+`serve` is one process that imports what the stages of a run need, once, while Snakemake starts, and forks
+itself for every stage. A stage is called as ``python -m pipeline.warm <name> --job ...``: this hands
+descriptors, folder, environment and arguments to the server that `ADDRESS` names, and ends as the fork ends.
+Where nobody serves (on a cluster, say) it becomes ``python -m pipeline.stages.<name>``, which does the same.
+
+The server has no threads that a fork would lose: libraries start theirs with their first work, and OpenBLAS
+stops its own around a fork.
+"""
+
+import contextlib
+import importlib
+import json
+import os
+import select
+import signal
+import socket
+import sys
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+ADDRESS = "PIPELINE_WARM"
+"""Environment variable with the path of the server's socket."""
+TICK = 0.02
+"""How often the server looks for ended stages [seconds]."""
+
+
+def call(name: str, arguments: Sequence[str]) -> int:
+    """Run a stage in a fork of the server, or in this process's place; return its exit status."""
+    with socket.socket(socket.AF_UNIX) as connection:
+        try:
+            connection.connect(os.environ[ADDRESS])
+        except (KeyError, OSError):
+            os.execv(sys.executable, [sys.executable, "-m", f"pipeline.stages.{name}", *arguments])
+        request = {"stage": name, "arguments": arguments, "folder": os.getcwd()}
+        message = json.dumps({**request, "environment": dict(os.environ)}).encode()
+        socket.send_fds(connection, [len(message).to_bytes(8, "big")], [0, 1, 2])
+        connection.sendall(message)
+        parent = os.getppid()
+        while not select.select([connection], [], [], 1.0)[0]:
+            if os.getppid() != parent:  # Snakemake was killed: leave, so that the server ends the stage
+                return 1
+        answer = connection.recv(1)
+    return answer[0] if answer else 1
+
+
+def serve(address: Path, stages: Sequence[str]) -> None:
+    """Import the stages' modules, then fork one process a request, until killed.
+
+    A stage whose caller is gone is killed: it would write where another run may begin.
+    """
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(str(address))
+        listening.listen()
+        for stage in stages:
+            with contextlib.suppress(Exception):  # the stage itself will say what is wrong
+                importlib.import_module(f"pipeline.stages.{stage}")
+        running: dict[int, socket.socket] = {}
+        while True:
+            ready = select.select([listening, *running.values()], [], [], TICK if running else None)[0]
+            for process, caller in list(running.items()):
+                if caller in ready:
+                    os.kill(process, signal.SIGKILL)
+                ended, status = os.waitpid(process, 0 if caller in ready else os.WNOHANG)
+                if ended:
+                    code = os.waitstatus_to_exitcode(status)
+                    with contextlib.suppress(OSError):
+                        caller.sendall(bytes([code if code >= 0 else 128 - code]))
+                    running.pop(process).close()
+            if listening in ready:
+                caller, _ = listening.accept()
+                if process := _fork(caller, [listening, caller, *running.values()]):
+                    running[process] = caller
+
+
+def _fork(caller: socket.socket, sockets: Sequence[socket.socket]) -> int:
+    """Start the stage that a caller asks for, without the server's sockets; return its process, or 0 when
+    the caller was gone.
+    """
+    head, descriptors, _, _ = socket.recv_fds(caller, 8, 3)
+    text = b""
+    while head and len(text) < int.from_bytes(head, "big"):
+        if not (part := caller.recv(1 << 16)):
+            break
+        text += part
+    if not head or len(text) < int.from_bytes(head, "big"):
+        for descriptor in descriptors:
+            os.close(descriptor)
+        caller.close()
+        return 0
+    process = os.fork()
+    if process == 0:
+        for own in sockets:
+            own.close()
+        _become(json.loads(text), descriptors)
+    for descriptor in descriptors:
+        os.close(descriptor)
+    return process
+
+
+def _become(request: dict[str, Any], descriptors: Sequence[int]) -> NoReturn:
+    """Be the stage, in the fork."""
+    status = 1
+    try:
+        for standard, descriptor in enumerate(descriptors):
+            os.dup2(descriptor, standard)
+            os.close(descriptor)
+        os.chdir(request["folder"])
+        os.environ.clear()
+        os.environ.update(request["environment"])
+        module = f"pipeline.stages.{request['stage']}"
+        sys.argv = [module, *request["arguments"]]
+        importlib.import_module("pipeline.stage").execute(
+            request["stage"], importlib.import_module(module).main
+        )
+        status = 0
+    except SystemExit as end:
+        status = end.code if isinstance(end.code, int) else 1
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)  # not the server's own end
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "--serve":
+        serve(Path(sys.argv[2]), sys.argv[3:])
+    else:
+        sys.exit(call(sys.argv[1], sys.argv[2:]))
