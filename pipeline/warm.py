@@ -24,6 +24,8 @@ from typing import Any, NoReturn
 
 ADDRESS = "PIPELINE_WARM"
 """Environment variable with the path of the server's socket."""
+LATE = ("trimesh", "skimage.measure")
+"""What stages import as they go along."""
 TICK = 0.02
 """How often the server looks for ended stages [seconds]."""
 
@@ -55,9 +57,11 @@ def serve(address: Path, stages: Sequence[str]) -> None:
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind(str(address))
         listening.listen()
-        for stage in stages:
+        for module in (*(f"pipeline.stages.{stage}" for stage in stages), *LATE):
             with contextlib.suppress(Exception):  # the stage itself will say what is wrong
-                importlib.import_module(f"pipeline.stages.{stage}")
+                importlib.import_module(module)
+        if "numba" in sys.modules:  # half a second that its first call of a kernel would take
+            sys.modules["numba.core.registry"].cpu_target.target_context.refresh()
         running: dict[int, socket.socket] = {}
         while True:
             ready = select.select([listening, *running.values()], [], [], TICK if running else None)[0]

@@ -6,11 +6,13 @@ textures are shown unlit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from pipeline.kernels.parallel import threads
 from pipeline.scene.cameras import Camera, ring
 from pipeline.scene.mesh import Mesh, bounding_radius, vertex_normals
 from pipeline.scene.rasterize import Fragments, interpolate, rasterize
@@ -43,6 +45,14 @@ def picture(
         for column in range(supersampling):
             total += samples[row::supersampling, column::supersampling]
     return total / np.float32(supersampling**2)
+
+
+def pictures(
+    mesh: Mesh, cameras: Sequence[Camera], size: int, shade: Shade, supersampling: int
+) -> Iterator[Float[np.ndarray, "p p 3"]]:
+    """Give `picture` of every camera, in order; threads draw the next ones meanwhile."""
+    with ThreadPoolExecutor(threads()) as pool:
+        yield from pool.map(lambda camera: picture(mesh, camera, size, shade, supersampling), cameras)
 
 
 def albedo_shade(mesh: Mesh, texture: Float[np.ndarray, "s s 3"]) -> Shade:
@@ -90,6 +100,8 @@ def preview(mesh: Mesh, shade: Shade, size: int) -> Float[np.ndarray, "h w 3"]:
     """
     cameras = turn(mesh, 8)
     normals = normal_shade(mesh)
-    tiles = [picture(mesh, camera, size, shade, SUPERSAMPLING) for camera in cameras]
-    tiles += [picture(mesh, camera, size, normals, SUPERSAMPLING) for camera in cameras[::2]]
+    tiles = [
+        *pictures(mesh, cameras, size, shade, SUPERSAMPLING),
+        *pictures(mesh, cameras[::2], size, normals, SUPERSAMPLING),
+    ]
     return sheet(tiles, 4)

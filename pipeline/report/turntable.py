@@ -8,7 +8,7 @@ from pathlib import Path
 import av
 import numpy as np
 
-from pipeline.report.preview import Shade, picture, to_bytes, turn
+from pipeline.report.preview import Shade, pictures, to_bytes, turn
 from pipeline.scene.mesh import Mesh
 
 FRAMES_PER_SECOND = 24
@@ -36,8 +36,8 @@ def write_turntable(
         )
         stream.width = stream.height = size
         stream.pix_fmt = "yuv420p"
-        for done, camera in enumerate(turn(mesh, frames), 1):
-            image = to_bytes(picture(mesh, camera, size, shade, SUPERSAMPLING))
+        views = pictures(mesh, turn(mesh, frames), size, shade, SUPERSAMPLING)
+        for done, image in enumerate(map(to_bytes, views), 1):
             container.mux(
                 stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(image), format="rgb24"))
             )

@@ -61,7 +61,7 @@ def main(context: Context) -> None:
         texture=options.texture,
     )
     picture = Image.fromarray(np.round(texture * 255).astype(np.uint8))
-    picture.save(context.outputs["albedo"], format="PNG", optimize=True)
+    picture.save(context.outputs["albedo"], format="PNG")
 
 
 if __name__ == "__main__":

@@ -54,7 +54,7 @@ def main(context: Context) -> None:
             seam_error=seam_jump(seams, texture),
         )
     picture = Image.fromarray(np.round(np.clip(texture, 0, 1) * 255).astype(np.uint8))
-    picture.save(context.outputs["albedo"], format="PNG", optimize=True)
+    picture.save(context.outputs["albedo"], format="PNG")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ comes last again, because collapsing edges can pinch a surface.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from scipy.spatial import cKDTree
 from pipeline.errors import InputError
 from pipeline.scene.mesh import Mesh, read_ply, used_vertices, write_ply
 from pipeline.scene.silhouettes import comparison_cameras, mean_iou, silhouettes
-from pipeline.scene.topology import face_components, signed_volumes, topology
+from pipeline.scene.topology import Topology, face_components, signed_volumes, topology
 from pipeline.stage import Context, execute
 
 REPAIR_ROUNDS = 4
@@ -40,9 +41,16 @@ def clean_mesh(
             `remove_floaters`.
     """
     steps: list[dict[str, Any]] = []
+    counted: list[tuple[Mesh, Topology]] = []
+
+    def count(result: Mesh) -> Topology:
+        """Return the counts, those of the mesh before where no face changed."""
+        if not (counted and _same_faces(counted[-1][0], result)):
+            counted[:] = [(result, topology(result))]
+        return counted[-1][1]
 
     def note(step: str, result: Mesh) -> Mesh:
-        counts = topology(result)
+        counts = count(result)
         steps.append(
             {
                 "step": step,
@@ -60,13 +68,17 @@ def clean_mesh(
     mesh = note("duplicates and null faces", remove_duplicates(mesh))
     mesh = note("floaters", remove_floaters(mesh, min_component))
     mesh = note("cavities", remove_cavities(mesh))
-    mesh = note("repair", repair(mesh))
+    mesh = note("repair", repair(mesh, count))
     if smoothing:
         mesh = note("smoothing", smooth(mesh, smoothing))
     if len(mesh.faces) > faces:
         mesh = note("decimation", decimate(mesh, faces))
-        mesh = note("repair", repair(mesh))
+        mesh = note("repair", repair(mesh, count))
     return note("orientation", orient_outwards(mesh)), steps
+
+
+def _same_faces(first: Mesh, second: Mesh) -> bool:
+    return len(first.vertices) == len(second.vertices) and np.array_equal(first.faces, second.faces)
 
 
 def _filters(mesh: Mesh) -> pymeshlab.MeshSet:
@@ -133,13 +145,13 @@ def remove_cavities(mesh: Mesh) -> Mesh:
     return used_vertices(Mesh(mesh.vertices, mesh.faces[outer[component]]))
 
 
-def repair(mesh: Mesh) -> Mesh:
+def repair(mesh: Mesh, count: Callable[[Mesh], Topology] = topology) -> Mesh:
     """Return the mesh with manifold edges and vertices and without small holes.
 
     Closing a hole can make a new bad edge, and splitting a vertex a new hole, hence a few rounds.
     """
     for _ in range(REPAIR_ROUNDS):
-        counts = topology(mesh)
+        counts = count(mesh)
         if counts.manifold and counts.closed and not counts.flipped_edges:
             break
         meshes = _filters(mesh)

@@ -24,7 +24,7 @@ def material_text(texture: str) -> str:
 
 def write_png(path: Path, image: Image.Image) -> None:
     """Write a PNG file without dates or other ancillary text."""
-    image.save(path, format="PNG", optimize=True)
+    image.save(path, format="PNG")
 
 
 def main(context: Context) -> None:

@@ -118,7 +118,7 @@ def main(context: Context) -> None:
     else:
         refined = with_change(albedo, change, pool.seen, side)
     picture = Image.fromarray(np.round(refined * 255).astype(np.uint8))
-    picture.save(context.outputs["albedo"], format="PNG", optimize=True)
+    picture.save(context.outputs["albedo"], format="PNG")
     context.outputs["history"].write_text(json.dumps(history, allow_nan=False) + "\n", encoding="utf-8")
     figures: dict[str, Any] = {
         part: round(sum(row["seconds"][part] for row in history), 3) for part in history[0]["seconds"]
