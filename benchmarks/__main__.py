@@ -4,8 +4,9 @@ Without ONLY all run that measure time against error: half an hour on two cores.
 many scenes, or want 8 GB of memory, and run when they are named.
 
 A benchmark is a module of this folder named after ONLY (dashes are underscores) with a function
-``main(folder) -> dict``: it may write pictures, named after itself, into the folder, and returns its figures,
-among them ``summary``. They are written with the machine and the versions to benchmarks/results/<name>.json.
+``main(folder) -> dict``: it may write pictures and a table (.md), named after itself, into the folder, and
+returns its figures, among them ``summary``. They are written with the machine and the versions to
+benchmarks/results/<name>.json, and the table into the README where that has a mark for it.
 """
 
 import importlib
@@ -18,7 +19,7 @@ import time
 from pathlib import Path
 
 HERE = Path(__file__).parent
-RESULTS = HERE / "results"
+RESULTS, README = HERE / "results", HERE.parent / "README.md"
 BY_NAME = {
     "default-model": "100 min",
     "guidance": "70 min",
@@ -59,10 +60,21 @@ def main() -> int:
         path.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
         print(json.dumps(record["summary"], indent=1))
         print(path)
+        if (RESULTS / f"{name}.md").is_file():
+            include(README, name, (RESULTS / f"{name}.md").read_text(encoding="utf-8"))
     if not chosen:
         listed = ", ".join(f"{name} ({cost})" for name, cost in BY_NAME.items())
         print(f"not run, since ONLY did not name them: {listed}")
     return 0
+
+
+def include(page: Path, name: str, table: str) -> None:
+    """Replace what stands in the page between `<!-- bench name -->` and `<!-- end -->`, if that is there."""
+    text = page.read_text(encoding="utf-8")
+    before, mark, rest = text.partition(f"<!-- bench {name} -->\n")
+    _, end, after = rest.partition("<!-- end -->")
+    if end:
+        page.write_text(f"{before}{mark}\n{table}\n{end}{after}", encoding="utf-8")
 
 
 def processor() -> str:
