@@ -60,6 +60,8 @@ class Segment(NamedTuple):
     hidden2: Float[Tensor, "k h"]
     density: Float[Tensor, " k"]
     latents: Float[Tensor, "k 4"]
+    memory: Float[Tensor, " m"]
+    """What features and hidden units lie in; its field uses it again after the gradient."""
 
 
 class LatentField(nn.Module):
@@ -73,6 +75,9 @@ class LatentField(nn.Module):
         self.sharpening = 1.0
         self.active_levels = shape.levels
         """Levels of the grid that count; the features of finer ones are 0, and they get no gradient."""
+        self.spare: list[Tensor] = []
+        """Memory of segments whose gradient was taken. Fresh memory costs a page fault every 4 KiB: a third
+        of the time of an evaluation."""
 
         def uniform(bound: float, *size: int) -> nn.Parameter:
             return nn.Parameter(torch.from_numpy(rng.uniform(-bound, bound, size).astype(np.float32)))
@@ -87,8 +92,10 @@ class LatentField(nn.Module):
     def evaluate(self, points: Float[Tensor, "k 3"]) -> Segment:
         """Evaluate the field at `points` (float32, contiguous) without recording for autograd."""
         count = len(points)
-        features = torch.empty(count, self.grid.width)
-        hidden1, hidden2 = torch.empty(2, count, _HIDDEN)
+        widths = (self.grid.width, _HIDDEN, _HIDDEN)
+        memory = self._memory(count * sum(widths))
+        parts = memory[: count * sum(widths)].split([count * width for width in widths])
+        features, hidden1, hidden2 = (part.view(count, -1) for part in parts)
         density, latents = torch.empty(count), torch.empty(count, LATENT_CHANNELS)
         table, weight1, bias1, weight2, bias2, weight3, bias3 = (p.detach() for p in self.parameters())
 
@@ -107,10 +114,22 @@ class LatentField(nn.Module):
         levels = (points.numpy(), table.numpy(), self.grid.resolutions[:active], self.grid.offsets)
         parallel.run(kernels.encode, count, *levels, features.numpy(), block=_ENCODED_BLOCK)
         parallel.run(work, -(-count // _BLOCK))
-        return Segment(points, features, hidden1, hidden2, density, latents)
+        return Segment(points, features, hidden1, hidden2, density, latents, memory)
+
+    def _memory(self, size: int) -> Float[Tensor, " m"]:
+        """Return at least `size` numbers, spare ones if there are such."""
+        large = [i for i, memory in enumerate(self.spare) if len(memory) >= size]
+        if large:
+            return self.spare.pop(min(large, key=lambda i: len(self.spare[i])))
+        if self.spare:  # the next one will be as large: what is too small would never be used again
+            self.spare.pop(min(range(len(self.spare)), key=lambda i: len(self.spare[i])))
+        return torch.empty(size + size // 8)
 
     def attach(self, segments: list[Segment]) -> tuple[Float[Tensor, " n"], Float[Tensor, "n 4"]]:
-        """Return density and latents of evaluated segments, in order, as differentiable by the parameters."""
+        """Return density and latents of evaluated segments, in order, as differentiable by the parameters.
+
+        Once: the backward pass takes the segments' memory back.
+        """
         parameters = dict(self.named_parameters()).values()
         density, latents = _Attach.apply(self, segments, *parameters)
         return density, latents
@@ -128,13 +147,15 @@ class LatentField(nn.Module):
         latent_gradient: Float[Tensor, "k 4"],
         gradients: dict[str, Tensor],
     ) -> None:
-        """Add the segment's share to the parameter gradients (sums over blocks, in their order)."""
+        """Add the segment's share to the parameter gradients (sums over blocks, in their order).
+
+        The gradient of the features takes their place.
+        """
         count = len(segment.points)
         lowest = self.sharpening * float(np.exp(-_MAX_EXPONENT))
         weight1, weight2, weight3 = self.weight1.detach(), self.weight2.detach(), self.weight3.detach()
         layers = {n: g for n, g in gradients.items() if n != "table"}
         shares = {n: torch.empty(-(-count // _BLOCK), *g.shape) for n, g in layers.items()}
-        feature_gradient = torch.empty(count, self.grid.width)
 
         def work(first: int, last: int) -> None:
             torch.set_num_threads(1)
@@ -151,12 +172,12 @@ class LatentField(nn.Module):
                 hidden = _relu_gradient(hidden @ weight2, segment.hidden1[rows])
                 torch.mm(hidden.T, segment.features[rows], out=share["weight1"])
                 torch.sum(hidden, 0, out=share["bias1"])
-                torch.mm(hidden, weight1, out=feature_gradient[rows])
+                torch.mm(hidden, weight1, out=segment.features[rows])
 
         parallel.run(work, -(-count // _BLOCK))
         for name, gradient in layers.items():
             gradient += shares[name].sum(0)
-        levels = (segment.points.numpy(), feature_gradient.numpy(), *self.grid, gradients["table"].numpy())
+        levels = (segment.points.numpy(), segment.features.numpy(), *self.grid, gradients["table"].numpy())
         parallel.run(kernels.encode_backward, self.active_levels, *levels)
 
 
@@ -187,8 +208,12 @@ class _Attach(torch.autograd.Function):
         density_gradient, latent_gradient = output_gradients
         field: LatentField = ctx.field
         gradients = {name: torch.zeros_like(p) for name, p in field.named_parameters()}
+        if ctx.segments is None:
+            raise RuntimeError("the gradient of these segments was taken already: evaluate the field again")
         first = 0
         for segment in ctx.segments:
             rows = slice(first, first := first + len(segment.points))
             field._accumulate(segment, density_gradient[rows], latent_gradient[rows], gradients)
+            field.spare.append(segment.memory)
+        ctx.segments = None
         return None, None, *gradients.values()

@@ -121,3 +121,31 @@ def test_blob_is_densest_in_the_centre() -> None:
     density = field.evaluate(axis).density
     assert (density[:-1] > density[1:]).all()
     assert density[0] / density[-1] == pytest.approx(np.exp(5), rel=0.05)
+
+
+def test_memory_is_used_again_after_the_gradient_and_not_before(points: np.ndarray) -> None:
+    field, fresh = make_field(), make_field()
+    places = [torch.from_numpy(part) for part in (points[:3000], points[3000:])]
+    for _ in range(3):
+        segments = [field.evaluate(place) for place in places]
+        assert len({segment.memory.data_ptr() for segment in segments}) == 2
+        density, latents = field.attach(segments)
+        field.zero_grad()
+        (density.sum() + latents.square().sum()).backward()
+    assert len(field.spare) == 2
+    expected, latents = fresh.attach([fresh.evaluate(place) for place in places])
+    (expected.sum() + latents.square().sum()).backward()
+    assert torch.equal(density, expected)
+    for mine, other in zip(field.parameters(), fresh.parameters(), strict=True):
+        assert mine.grad is not None
+        assert other.grad is not None
+        assert torch.equal(mine.grad, other.grad)
+
+
+def test_a_second_gradient_of_the_same_segments_is_refused(points: np.ndarray) -> None:
+    field = make_field()
+    density, latents = field.attach([field.evaluate(torch.from_numpy(points))])
+    total = density.sum() + latents.sum()
+    total.backward(retain_graph=True)
+    with pytest.raises(RuntimeError, match="evaluate the field again"):
+        total.backward()
