@@ -10,6 +10,7 @@ import numba
 import numpy as np
 
 _ZERO, _HALF, _ONE = np.float32(0), np.float32(0.5), np.float32(1)
+_NEXT = np.uint64(1)
 _PRIME_Y, _PRIME_Z = np.uint32(2654435761), np.uint32(805459861)
 
 
@@ -26,25 +27,29 @@ def _locate(coordinate, resolution):
 @numba.njit(inline="always")
 def _corner_indices(x, y, z, resolution, entries):
     """Return the table indices of the eight corners of a cell, x fastest, relative to the level's offset."""
-    side = np.int64(resolution) + 1
-    if side * side * side <= entries:
-        base = np.int64(x) + side * (np.int64(y) + side * np.int64(z))
+    # Unsigned: an index that might be negative costs a test at every load.
+    side = np.uint64(resolution) + _NEXT
+    if side * side * side <= np.uint64(entries):
+        base = np.uint64(x) + side * (np.uint64(y) + side * np.uint64(z))
         up = base + side * side
-        return base, base + 1, base + side, base + side + 1, up, up + 1, up + side, up + side + 1
+        return (
+            base, base + _NEXT, base + side, base + side + _NEXT,
+            up, up + _NEXT, up + side, up + side + _NEXT,
+        )  # fmt: skip
     mask = np.uint32(entries - 1)
     x0, x1 = np.uint32(x), np.uint32(x + 1)
     y0, y1 = np.uint32(y) * _PRIME_Y, np.uint32(y + 1) * _PRIME_Y
     z0, z1 = np.uint32(z) * _PRIME_Z, np.uint32(z + 1) * _PRIME_Z
     a, b, c, d = y0 ^ z0, y1 ^ z0, y0 ^ z1, y1 ^ z1
     return (
-        np.int64((x0 ^ a) & mask),
-        np.int64((x1 ^ a) & mask),
-        np.int64((x0 ^ b) & mask),
-        np.int64((x1 ^ b) & mask),
-        np.int64((x0 ^ c) & mask),
-        np.int64((x1 ^ c) & mask),
-        np.int64((x0 ^ d) & mask),
-        np.int64((x1 ^ d) & mask),
+        np.uint64((x0 ^ a) & mask),
+        np.uint64((x1 ^ a) & mask),
+        np.uint64((x0 ^ b) & mask),
+        np.uint64((x1 ^ b) & mask),
+        np.uint64((x0 ^ c) & mask),
+        np.uint64((x1 ^ c) & mask),
+        np.uint64((x0 ^ d) & mask),
+        np.uint64((x1 ^ d) & mask),
     )
 
 
@@ -55,6 +60,7 @@ def encode(start, stop, points, table, resolutions, offsets, features):
         resolution = resolutions[level]
         first = offsets[level]
         entries = offsets[level + 1] - first
+        own = table[first : first + entries]
         for p in range(start, stop):
             x, u = _locate(points[p, 0], resolution)
             y, v = _locate(points[p, 1], resolution)
@@ -62,20 +68,11 @@ def encode(start, stop, points, table, resolutions, offsets, features):
             u0, v0, w0 = _ONE - u, _ONE - v, _ONE - w
             i0, i1, i2, i3, i4, i5, i6, i7 = _corner_indices(x, y, z, resolution, entries)
             k0, k1, k2, k3 = u0 * v0, u * v0, u0 * v, u * v
-            for f in range(2):
-                low = (
-                    k0 * table[first + i0, f]
-                    + k1 * table[first + i1, f]
-                    + k2 * table[first + i2, f]
-                    + k3 * table[first + i3, f]
-                )
-                high = (
-                    k0 * table[first + i4, f]
-                    + k1 * table[first + i5, f]
-                    + k2 * table[first + i6, f]
-                    + k3 * table[first + i7, f]
-                )
-                features[p, 2 * level + f] = low * w0 + high * w
+            for feature in range(2):
+                f = np.uint64(feature)
+                low = k0 * own[i0, f] + k1 * own[i1, f] + k2 * own[i2, f] + k3 * own[i3, f]
+                high = k0 * own[i4, f] + k1 * own[i5, f] + k2 * own[i6, f] + k3 * own[i7, f]
+                features[p, 2 * level + feature] = low * w0 + high * w
 
 
 @numba.njit(cache=True, nogil=True)
@@ -89,6 +86,7 @@ def encode_backward(start, stop, points, feature_gradient, resolutions, offsets,
         resolution = resolutions[level]
         first = offsets[level]
         entries = offsets[level + 1] - first
+        own = table_gradient[first : first + entries]
         for p in range(points.shape[0]):
             g0 = feature_gradient[p, 2 * level]
             g1 = feature_gradient[p, 2 * level + 1]
@@ -103,5 +101,5 @@ def encode_backward(start, stop, points, feature_gradient, resolutions, offsets,
             k0, k1, k2, k3 = u0 * v0, u * v0, u0 * v, u * v
             weights = (k0 * w0, k1 * w0, k2 * w0, k3 * w0, k0 * w, k1 * w, k2 * w, k3 * w)
             for i in range(8):
-                table_gradient[first + indices[i], 0] += weights[i] * g0
-                table_gradient[first + indices[i], 1] += weights[i] * g1
+                own[indices[i], 0] += weights[i] * g0
+                own[indices[i], 1] += weights[i] * g1
