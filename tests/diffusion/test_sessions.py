@@ -94,9 +94,12 @@ def test_threads_share_the_rows_where_each_gets_enough(
         one = denoise(noisy, timesteps, text)
     rows: list[int] = []
     run = Graph.run
-    monkeypatch.setattr(
-        Graph, "run", lambda self, feeds: rows.append(len(feeds["sample"])) or run(self, feeds)
-    )
+
+    def counted(self: Graph, feeds: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        rows.append(len(feeds["sample"]))
+        return run(self, feeds)
+
+    monkeypatch.setattr(Graph, "run", counted)
     with denoiser(tmp_path, threads, rows_expected=expected) as denoise:
         shared = denoise(noisy, timesteps, text)
     assert sorted(rows, reverse=True) == [len(part) for part in np.array_split(np.arange(9), runs)]
