@@ -254,12 +254,31 @@ def barrel(rng: np.random.Generator) -> Model:
     return assemble(parts)
 
 
+def open_box(rng: np.random.Generator, w: float, h: float, d: float, colour: np.ndarray) -> Model:
+    """Four walls and a floor, and four flaps that hang outwards."""
+    inside, t = shade(colour, 0.6), 0.03
+    parts = [box((w, t, d), inside, (0, t / 2, 0)), box((w * 0.98, t, d * 0.98), inside, (0, h * 0.55, 0))]
+    parts += [box((t, h, d), colour, (s * w / 2, h / 2, 0)) for s in (-1, 1)]
+    parts += [box((w, h, t), colour, (0, h / 2, s * d / 2)) for s in (-1, 1)]
+    angle, flap = rng.uniform(0.2, 0.9), rng.uniform(0.2, 0.32)
+    for s in (-1, 1):
+        for axis, half, along in ((2, w / 2, d), (0, d / 2, w)):
+            size = (flap, t, along) if axis == 2 else (along, t, flap)
+            at = (s * flap / 2, 0, 0) if axis == 2 else (0, 0, s * flap / 2)
+            turned = tilt(box(size, shade(colour, 1.1), at), axis, -s * angle if axis == 2 else s * angle)
+            parts.append((turned[0] + ((s * half, h, 0) if axis == 2 else (0, h, s * half)), *turned[1:]))
+    return assemble(parts)
+
+
 def crate(rng: np.random.Generator) -> Model:
-    """A box, plain, or with a frame of boards."""
+    """A box: open with four flaps, with a frame of boards, or now and then plain."""
     colour = pick(rng, *WOODS, *COLOURS)
-    w, h, d = rng.uniform(0.5, 0.9), rng.uniform(0.4, 0.8), rng.uniform(0.5, 0.9)
+    w, h, d = rng.uniform(0.5, 0.9), rng.uniform(0.4, 0.7), rng.uniform(0.5, 0.9)
+    kind = rng.random()
+    if kind < 0.5:
+        return open_box(rng, w, h, d, colour)
     parts = [frustum((w, d), (w, d), h, colour, (0, 0, 0))]
-    if rng.random() < 0.6:
+    if kind < 0.9:
         edge = shade(colour, 0.75)
         parts += [
             box((0.07, h, 0.07), edge, (sx * w / 2, h / 2, sz * d / 2)) for sx in (-1, 1) for sz in (-1, 1)

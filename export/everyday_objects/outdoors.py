@@ -86,6 +86,19 @@ def pine_tree(rng: np.random.Generator) -> Model:
     return assemble(parts)
 
 
+def tree(rng: np.random.Generator) -> Model:
+    """A trunk that forks under a round crown of leaves."""
+    green, bark = pick(rng, "green") * rng.uniform(0.65, 1.0), pick(rng, "brown")
+    tall, r = rng.uniform(0.45, 0.65), rng.uniform(0.38, 0.5)
+    fork = (0.0, tall * 0.7, 0.0)
+    parts = [bar((0, 0, 0), fork, 0.09, bark, 0.8), ellipsoid((r, r * rng.uniform(0.8, 1.1), r), green, (0, tall + r, 0))]
+    for a in rng.uniform(0, 0.8) + np.arange(5) * 2 * np.pi / 5:
+        out, y, size = 0.6 * r, tall + r * rng.uniform(0.5, 1.3), r * rng.uniform(0.5, 0.65)
+        at = (out * np.sin(a), y, out * np.cos(a))
+        parts += [bar(fork, at, 0.045, bark, 0.5), ellipsoid((size,) * 3, green * rng.uniform(0.88, 1.1), at)]
+    return assemble(parts)
+
+
 def dog_house(rng: np.random.Generator) -> Model:
     """A small hut with a gable roof and a dark arch at the front."""
     wall, roof = pick(rng, "brown", "beige", *COLOURS), pick(rng, "red", "brown", "black", "blue", "green")
@@ -107,4 +120,5 @@ def dog_house(rng: np.random.Generator) -> Model:
 
 MAKERS: dict[str, Callable[[np.random.Generator], Model]] = {
     "fire hydrant": hydrant, "cactus": cactus, "pine tree": pine_tree, "dog house": dog_house,
+    "tree": tree,
 }  # fmt: skip

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from export.everyday_objects import creatures, furniture, outdoors, vehicles
+from export.everyday_objects import creatures, furniture, household, outdoors, vehicles
 from export.everyday_objects.captions import COLOURS
 from export.everyday_objects.catalogue import Model
 from export.everyday_objects.shapes import Part, assemble, box, ellipsoid, lathe, pick, tilt, torus
@@ -250,6 +250,7 @@ MAKERS: dict[str, Callable[[np.random.Generator], Model]] = {
     **creatures.MAKERS,
     **vehicles.MAKERS,
     **outdoors.MAKERS,
+    **household.MAKERS,
     "bottle": bottle,
     "vase": vase,
     "mushroom": mushroom, "house": house, "rocket": rocket, "donut": donut, "duck": duck, "snowman": snowman,
