@@ -24,7 +24,7 @@ DARK, IVORY = np.array([0.05, 0.05, 0.06]), np.array([0.95, 0.94, 0.9])
 
 
 def slab(outline: np.ndarray, bottom: float, top: float, colour: np.ndarray) -> Part:
-    """A flat body between two heights over an outline (n, 2) in x and z that is star-shaped about its mean."""
+    """A flat body between two heights over an outline (n, 2) in x and z, star-shaped about its mean."""
     n = len(outline)
     rings = [np.insert(outline, 1, y, axis=1) for y in (bottom, top)]
     middle = outline.mean(axis=0)
@@ -42,8 +42,9 @@ def keyboard(width: float, height: float, front: float) -> list[Part]:
     """White keys with black ones on them, the near edge at z = `front`."""
     parts = [box((width, 0.03, 0.16), IVORY, (0, height, front - 0.08))]
     count = 12
+    pitch = width / count
     parts += [
-        box((width / count * 0.55, 0.04, 0.1), DARK, ((i - count / 2 + 0.5) * width / count, height, front - 0.11))
+        box((pitch * 0.55, 0.04, 0.1), DARK, ((i - count / 2 + 0.5) * pitch, height, front - 0.11))
         for i in range(count)
         if i % 7 not in (2, 6)
     ]
@@ -55,7 +56,8 @@ def piano(rng: np.random.Generator) -> Model:
     colour = pick(rng, "black", "brown", *COLOURS)
     if rng.random() < 0.25:
         w, h, d = rng.uniform(1.2, 1.4), rng.uniform(1.0, 1.2), rng.uniform(0.28, 0.36)
-        parts = [box((w, h, d), colour, (0, h / 2, -0.1)), box((w, 0.16, 0.34), colour, (0, 0.56, d / 2 + 0.03))]
+        parts = [box((w, h, d), colour, (0, h / 2, -0.1))]
+        parts.append(box((w, 0.16, 0.34), colour, (0, 0.56, d / 2 + 0.03)))
         parts += [box((0.08, 0.5, 0.1), colour, (s * (w / 2 - 0.04), 0.25, d / 2 + 0.12)) for s in (-1, 1)]
         return assemble(parts + keyboard(w * 0.88, 0.65, d / 2 + 0.2))
     w, length, leg = rng.uniform(1.2, 1.4), rng.uniform(1.3, 1.7), rng.uniform(0.5, 0.6)
@@ -83,7 +85,8 @@ def guitar(rng: np.random.Generator) -> Model:
     side = np.interp(fine, y, half)
     outline = np.concatenate([np.stack([side, -fine], -1), np.stack([-side, -fine], -1)[::-1]])
     body = tilt(slab(outline, -0.06, 0.06, colour), 0, np.pi / 2)
-    parts = [body, box((0.1, 0.7, 0.06), neck, (0, 0.74, 0.05)), box((0.16, 0.2, 0.06), neck, (0, 1.14, 0.05))]
+    parts = [body, box((0.1, 0.7, 0.06), neck, (0, 0.74, 0.05))]
+    parts.append(box((0.16, 0.2, 0.06), neck, (0, 1.14, 0.05)))
     if rng.random() < 0.6:
         parts.append(tilt(lathe([(0, 0.062), (0.1, 0.062)], DARK, (0, 0, -0.16)), 0, np.pi / 2))
     else:
@@ -104,9 +107,9 @@ def suitcase(rng: np.random.Generator) -> Model:
     parts += [bar((s * w * 0.16, top - 0.02, 0), (s * w * 0.16, top + 0.12, 0), 0.025, trim) for s in (-1, 1)]
     parts.append(bar((-w * 0.19, top + 0.12, 0), (w * 0.19, top + 0.12, 0), 0.03, trim))
     parts += [
-        bar((sx * w * 0.38 - 0.03, 0.05, sz * d * 0.3), (sx * w * 0.38 + 0.03, 0.05, sz * d * 0.3), 0.05, DARK)
-        for sx in (-1, 1)
-        for sz in (-1, 1)
+        bar((x - 0.03, 0.05, z), (x + 0.03, 0.05, z), 0.05, DARK)
+        for x in (-w * 0.38, w * 0.38)
+        for z in (-d * 0.3, d * 0.3)
     ]
     return assemble(parts)
 
@@ -124,8 +127,10 @@ def backpack(rng: np.random.Generator) -> Model:
     ]
     parts += [cushion((0.12, h * 0.35, d * 0.6), flap, (s * w * 0.52, h * 0.25, 0), 4) for s in (-1, 1)]
     for s in (-1, 1):
-        points = [(s * w * 0.22, h * 0.95, -d * 0.4), (s * w * 0.26, h * 0.65, -d * 0.85), (s * w * 0.3, h * 0.12, -d * 0.42)]
-        parts += [bar(points[k], points[k + 1], 0.045, trim) for k in (0, 1)]
+        top, bow, foot = (s * w * np.array([0.22, 0.26, 0.3])).tolist()
+        bend = (bow, h * 0.65, -d * 0.85)
+        parts += [bar((top, h * 0.95, -d * 0.4), bend, 0.045, trim)]
+        parts += [bar(bend, (foot, h * 0.12, -d * 0.42), 0.045, trim)]
     handle = tilt(torus(0.08, 0.02, trim), 0, np.pi / 2)
     parts.append((handle[0] + (0, h + 0.02, -d * 0.2), handle[1], handle[2]))
     return assemble(parts)
@@ -151,7 +156,8 @@ def fireplace(rng: np.random.Generator) -> Model:
         tip = rng.uniform(0.5, 0.8) * fire
         flame = pick(rng, "orange", "yellow", "orange")
         parts.append(lathe([(0.0, 0.1), (hole * 0.15, 0.18), (0.0, tip)], flame, (x * hole, 0, -0.02), 12))
-    parts += [bar((-hole * 0.4, 0.1, z), (hole * 0.4, 0.1, z), 0.05, pick(rng, "brown")) for z in (-0.08, 0.06)]
+    log = pick(rng, "brown")
+    parts += [bar((-hole * 0.4, 0.1, z), (hole * 0.4, 0.1, z), 0.05, log) for z in (-0.08, 0.06)]
     return assemble(parts)
 
 

@@ -91,7 +91,8 @@ def tree(rng: np.random.Generator) -> Model:
     green, bark = pick(rng, "green") * rng.uniform(0.65, 1.0), pick(rng, "brown")
     tall, r = rng.uniform(0.45, 0.65), rng.uniform(0.38, 0.5)
     fork = (0.0, tall * 0.7, 0.0)
-    parts = [bar((0, 0, 0), fork, 0.09, bark, 0.8), ellipsoid((r, r * rng.uniform(0.8, 1.1), r), green, (0, tall + r, 0))]
+    crown = ellipsoid((r, r * rng.uniform(0.8, 1.1), r), green, (0, tall + r, 0))
+    parts = [bar((0, 0, 0), fork, 0.09, bark, 0.8), crown]
     for a in rng.uniform(0, 0.8) + np.arange(5) * 2 * np.pi / 5:
         out, y, size = 0.6 * r, tall + r * rng.uniform(0.5, 1.3), r * rng.uniform(0.5, 0.65)
         at = (out * np.sin(a), y, out * np.cos(a))

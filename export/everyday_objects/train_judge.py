@@ -1,7 +1,8 @@
 """Train the judge on the pictures in WORK/judge and on failed ones; measure it on held-out objects.
 
-`python -m export.everyday_objects.train_judge WORK --steps 3000 [--failed DIR]` writes benchmarks/judge.npz.
-DIR may hold PNG files of results that a person judged to have failed.
+`python -m export.everyday_objects.train_judge WORK --steps 3000` writes benchmarks/judge.npz; with `--on` it
+goes on from the judge that is there. benchmarks/failed holds results of the model that a person found to be
+no object at all.
 """
 
 import argparse
@@ -16,7 +17,7 @@ from torch.nn import functional as F
 from export.everyday_objects.captions import COLOURS
 from export.everyday_objects.dataset import IMAGE_SIZE, draw_background
 from export.everyday_objects.failures import lump, melt, scatter
-from export.everyday_objects.judge import FAILED, KINDS, Judge, judge_images, save_judge, shrink
+from export.everyday_objects.judge import FAILED, KINDS, Judge, judge_images, load_judge, save_judge, shrink
 from export.everyday_objects.render import Light, render
 from pipeline.scene.cameras import orbit_camera
 from pipeline.stage import Progress
@@ -25,6 +26,7 @@ FAILED_SHARE = 0.12
 TURNED_SHARE = 0.4  # of the pictures: in hues that say nothing of their colour
 LUMPS = 1500
 JUDGE = Path(__file__).parents[2] / "benchmarks" / "judge.npz"
+FAILURES = JUDGE.parent / "failed"
 
 
 def colour_label(look: str) -> int:
@@ -91,8 +93,9 @@ def sharpen(rng: np.random.Generator, images: torch.Tensor) -> torch.Tensor:
     return (images + strength * (images - soft)).clamp(0, 1)
 
 
-def train(work: Path, failed: list[np.ndarray], steps: int, batch: int = 64, rate: float = 2e-3) -> Judge:
-    """Train from nothing; cosine decay."""
+def train(work: Path, failed: list[np.ndarray], steps: int, judge: Judge, rate: float = 2e-3) -> Judge:
+    """Train a judge on, batches of 64, at a rate that rises for 100 steps and falls as a cosine."""
+    batch = 64
     torch.manual_seed(0)
     paths = sorted((work / "judge").glob("*.npy"))
     images = np.concatenate([np.load(p) for p in paths])
@@ -100,7 +103,7 @@ def train(work: Path, failed: list[np.ndarray], steps: int, batch: int = 64, rat
     kinds = np.array([KINDS.index(row["noun"]) for row in rows])
     colours = np.array([colour_label(row["look"]) for row in rows])
     lumps = [draw_lump(np.random.default_rng([1, i])) for i in range(LUMPS)]
-    judge = Judge().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    judge = judge.train().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     optimiser = torch.optim.AdamW(judge.parameters(), rate, weight_decay=0.02)
     with Progress("judge", steps, "steps") as progress:
         for step in range(steps):
@@ -157,10 +160,8 @@ def held_out_figures(judge: Judge, work: Path) -> dict[str, float]:
     }
 
 
-def read_failed(folder: Path | None) -> list[np.ndarray]:
+def read_failed(folder: Path) -> list[np.ndarray]:
     """The PNG files of a folder as (size, size, 3) uint8 pictures."""
-    if folder is None:
-        return []
     paths = sorted(folder.glob("*.png"))
     return [np.asarray(Image.open(p).convert("RGB").resize((IMAGE_SIZE, IMAGE_SIZE))) for p in paths]
 
@@ -170,9 +171,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("work", type=Path)
     parser.add_argument("--steps", type=int, default=3000)
-    parser.add_argument("--failed", type=Path)
+    parser.add_argument("--failed", type=Path, default=FAILURES, help="folder of PNG files")
+    parser.add_argument("--on", action="store_true", help="go on from the judge there is, at half the rate")
     options = parser.parse_args()
-    judge = train(options.work, read_failed(options.failed), options.steps)
+    start, rate = (load_judge(JUDGE)[0], 1e-3) if options.on else (Judge(), 2e-3)
+    judge = train(options.work, read_failed(options.failed), options.steps, start, rate)
     figures = held_out_figures(judge, options.work)
     print(json.dumps(figures))
     save_judge(JUDGE, judge, figures)
