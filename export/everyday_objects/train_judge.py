@@ -93,9 +93,10 @@ def sharpen(rng: np.random.Generator, images: torch.Tensor) -> torch.Tensor:
     return (images + strength * (images - soft)).clamp(0, 1)
 
 
-def train(work: Path, failed: list[np.ndarray], steps: int, judge: Judge, rate: float = 2e-3) -> Judge:
-    """Train a judge on, batches of 64, at a rate that rises for 100 steps and falls as a cosine."""
-    batch = 64
+def train(
+    work: Path, failed: list[np.ndarray], steps: int, judge: Judge, batch: int = 64, rate: float = 2e-3
+) -> Judge:
+    """Train a judge on, at a rate that rises for 100 steps and falls as a cosine."""
     torch.manual_seed(0)
     paths = sorted((work / "judge").glob("*.npy"))
     images = np.concatenate([np.load(p) for p in paths])
@@ -175,7 +176,7 @@ def main() -> None:
     parser.add_argument("--on", action="store_true", help="go on from the judge there is, at half the rate")
     options = parser.parse_args()
     start, rate = (load_judge(JUDGE)[0], 1e-3) if options.on else (Judge(), 2e-3)
-    judge = train(options.work, read_failed(options.failed), options.steps, start, rate)
+    judge = train(options.work, read_failed(options.failed), options.steps, start, rate=rate)
     figures = held_out_figures(judge, options.work)
     print(json.dumps(figures))
     save_judge(JUDGE, judge, figures)

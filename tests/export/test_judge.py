@@ -51,7 +51,7 @@ def work_folder(tmp_path):
 def test_it_learns_kinds_colours_and_failures(tmp_path, monkeypatch):
     monkeypatch.setattr("export.everyday_objects.train_judge.LUMPS", 20)
     work = work_folder(tmp_path)
-    figures = held_out_figures(train(work, [], 40, Judge()), work)
+    figures = held_out_figures(train(work, [], 40, Judge(), batch=16), work)
     assert figures["kind_top1"] >= 0.8
     assert figures["colour_top1"] >= 0.9
     assert figures["kind_top5"] >= figures["kind_top1"]
