@@ -181,8 +181,8 @@ def judge_meshes(judge: Judge, folder: Path) -> tuple[dict[str, float], dict[str
     painted: list[bool] = []
     for number, prompt in enumerate(PROMPTS, 1):
         print(f"mesh {number} of {len(PROMPTS)}: {prompt}", flush=True)
-        began = time.monotonic()
         run = engine.run_job(jobs.resolve({"PROMPT": prompt}), RUNS, os.cpu_count() or 1)
+        spent = json.loads((run / "manifest.json").read_text(encoding="utf-8"))["seconds"]
         views = views_of_run(run)
         kinds, colours = (p.mean(0) for p in judge_images(judge, views))
         kind, colour = kind_and_colour(prompt)
@@ -196,7 +196,7 @@ def judge_meshes(judge: Judge, folder: Path) -> tuple[dict[str, float], dict[str
                 "rank": rank,
                 "named": named,
                 "colour": COLOURS[int(colours.argmax())],
-                "seconds": round(time.monotonic() - began, 1),
+                "stage_seconds": round(spent, 1),
             }
         )
         rows.append((f"{prompt}: {named}, rank {rank}", views[[0, 1, 2, 4]]))
