@@ -34,8 +34,8 @@ NAME = "everyday-objects"
 # pipeline.job.TrainNerf. `steps` stays out: QUALITY decides it.
 DISTILLATION = {
     # Six drafts (table, lamp, sofa, bench, car, horse), the judge's mean probability of the kind: .52 with 15
-    # falling to 6, .60 with 20 to 10, .63 with 30 to 12: tables and benches keep their legs, lamps their foot.
-    # The last of these greys the colours.
+    # falling to 6, .60 with 20 to 10, .63 with 30 to 12: tables and benches keep their legs, lamps their
+    # foot. The last of these greys the colours.
     "guidance_scale": 20.0,
     "guidance_scale_end": 10.0,
     "timestep_min": 0.2,
