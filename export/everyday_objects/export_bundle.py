@@ -33,9 +33,9 @@ NAME = "everyday-objects"
 # How score distillation is best run with this model, by eye on a first set of prompts; keys of
 # pipeline.job.TrainNerf. `steps` stays out: QUALITY decides it.
 DISTILLATION = {
-    # Six drafts (table, lamp, sofa, bench, car, horse), the judge's mean probability of the kind: .52 with 15
-    # falling to 6, .60 with 20 to 10, .63 with 30 to 12: tables and benches keep their legs, lamps their
-    # foot. The last of these greys the colours.
+    # Six drafts (table, lamp, sofa, bench, car, horse; one seed), the judge's mean probability of the kind:
+    # .52 with 15 falling to 6, .60 with 20 to 10, .63 with 30 to 12: tables and benches keep their legs,
+    # lamps their foot. The last greyed a blue car and was left for that, by eye.
     "guidance_scale": 20.0,
     "guidance_scale_end": 10.0,
     "timestep_min": 0.2,
