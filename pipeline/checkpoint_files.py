@@ -15,6 +15,7 @@ import numpy as np
 import torch
 
 from pipeline import arrays, files
+from pipeline.scene.adam import Adam
 
 T = TypeVar("T")
 _KEPT = 2
@@ -57,21 +58,19 @@ def newest(folder: Path) -> Path | None:
     return next(iter(_newest_first(folder)), None)
 
 
-def adam_arrays(optimizer: torch.optim.Adam) -> dict[str, np.ndarray]:
+def adam_arrays(optimizer: Adam) -> dict[str, np.ndarray]:
     """Return the moments and step counts of every parameter that has any, as `adam.<row>.<name>`."""
-    parameters = [p for group in optimizer.param_groups for p in group["params"]]
     return {
         f"adam.{i}.{key}": optimizer.state[p][key].numpy()
-        for i, p in enumerate(parameters)
+        for i, p in enumerate(optimizer.parameters)
         if p in optimizer.state
         for key in _MOMENTS
     }
 
 
-def restore_adam(optimizer: torch.optim.Adam, values: Mapping[str, np.ndarray]) -> None:
+def restore_adam(optimizer: Adam, values: Mapping[str, np.ndarray]) -> None:
     """Put back what `adam_arrays` took."""
-    parameters = [p for group in optimizer.param_groups for p in group["params"]]
-    for i, parameter in enumerate(parameters):
+    for i, parameter in enumerate(optimizer.parameters):
         if f"adam.{i}.step" in values:
             optimizer.state[parameter] = {
                 key: torch.from_numpy(values[f"adam.{i}.{key}"].copy()) for key in _MOMENTS

@@ -14,7 +14,6 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import FrameType
-from typing import TextIO
 
 from pipeline import job as jobs
 from pipeline import provenance
@@ -61,7 +60,8 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
     folder = jobs.bundle_folder(job.model)
     run = out / jobs.run_name(job)
     open_bundle(folder, verify=not run.exists())  # before anything is written
-    with _user_view_of_os_errors(), _locked(run) as lock:
+    settings = _profile(profile)
+    with _user_view_of_os_errors(), _locked(run) as lock, _warm(run, settings, threads) as variables:
         _point_latest(run)
         steps = make_plan(job, run, read_chain(job, run))
         if all(step.verdict == "unchanged" for step in steps):
@@ -72,7 +72,7 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
         for reason in (run / "stages").glob("*.error"):
             reason.unlink()
         stale = [step.stage for step in steps if step.verdict != "unchanged"]
-        if _snakemake(job, run, stale, threads, _profile(profile), lock):
+        if _snakemake(job, run, stale, threads, settings, lock, variables):
             raise _failure(run)
         missing = [name for name in RESULTS if not (run / name).is_file()]
         if missing:
@@ -127,10 +127,17 @@ def _check_room(run: Path, priced: list[tuple[Step, Cost]]) -> None:
         )
 
 
-def _snakemake(job: Job, run: Path, stages: list[str], threads: int, profile: Path, lock: int) -> int:
+def _snakemake(
+    job: Job,
+    run: Path,
+    stages: list[str],
+    threads: int,
+    profile: Path,
+    lock: int,
+    variables: Mapping[str, str],
+) -> int:
     """Have Snakemake run the stages named and those after them; return its exit status."""
     config = [f"{name}={value}" for name, value in snakemake_config(job, run, threads).items()]
-    here = read_yaml(profile / "config.yaml").get("executor", "local") == "local"
     command = [
         sys.executable,
         "-m",
@@ -152,14 +159,10 @@ def _snakemake(job: Job, run: Path, stages: list[str], threads: int, profile: Pa
         *stages,
         "--config",
         *config,
-        *(["--cores", str(threads)] if here else []),
+        *(["--cores", str(threads)] if _runs_here(profile) else []),
     ]
     (run / "logs").mkdir(exist_ok=True)
-    with (
-        (run / "logs" / "snakemake.log").open("w", encoding="utf-8") as log,
-        _termination_as_interrupt(),
-        _warm(run, stages if here else [], environment(threads, os.environ), log) as variables,
-    ):
+    with (run / "logs" / "snakemake.log").open("w", encoding="utf-8") as log, _termination_as_interrupt():
         # A stage's progress is its standard output; the rest is Snakemake's and goes to the log.
         process = subprocess.Popen(
             command,
@@ -177,22 +180,28 @@ def _snakemake(job: Job, run: Path, stages: list[str], threads: int, profile: Pa
             process.wait()
 
 
+def _runs_here(profile: Path) -> bool:
+    return bool(read_yaml(profile / "config.yaml").get("executor", "local") == "local")
+
+
 @contextlib.contextmanager
-def _warm(run: Path, stages: list[str], variables: dict[str, str], log: TextIO) -> Iterator[dict[str, str]]:
-    """Have `pipeline.warm` serve the stages meanwhile; give the environment to call them in."""
+def _warm(run: Path, profile: Path, threads: int) -> Iterator[dict[str, str]]:
+    """Have `pipeline.warm` serve stages meanwhile; give the environment to call them in."""
+    variables = environment(threads, os.environ)
     cold = {name: value for name, value in variables.items() if name != ADDRESS}
-    if not stages or sys.platform != "linux":  # elsewhere nothing would end the stages of a killed server
+    # Elsewhere nothing would end the stages of a killed server.
+    if not _runs_here(profile) or sys.platform != "linux":
         yield cold
         return
     address = run / ".warm"
     address.unlink(missing_ok=True)
     server = subprocess.Popen(
         # Both ends name the socket from inside the run's folder: a longer path may not fit its address.
-        [sys.executable, "-m", "pipeline.warm", "--serve", address.name, *stages],
+        [sys.executable, "-m", "pipeline.warm", "--serve", address.name, *jobs.STAGE_OPTIONS],
         cwd=run,
         stdin=subprocess.DEVNULL,
-        stdout=log,
-        stderr=log,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
         env=cold,
         preexec_fn=die_with_parent,
     )

@@ -1,9 +1,10 @@
 """Stages without the seconds that each would spend on importing torch, scipy and numba.
 
-`serve` is one process that imports what the stages of a run need, once, while Snakemake starts, and forks
-itself for every stage. A stage is called as ``python -m pipeline.warm <name> --job ...``: this hands
-descriptors, folder, environment and arguments to the server that `ADDRESS` names, and ends as the fork ends.
-Where nobody serves (on a cluster, say) it becomes ``python -m pipeline.stages.<name>``, which does the same.
+`serve` is one process that imports what the stages of a run need, once, while Snakemake starts and the first
+stages run, and forks itself for every stage. A stage is called as
+``python -m pipeline.warm <name> --job ...``: this hands descriptors, folder, environment and arguments to the
+server that `ADDRESS` names, and ends as the fork ends. Where nobody serves (on a cluster, say) it becomes
+``python -m pipeline.stages.<name>``, which does the same.
 
 The server has no threads that a fork would lose: libraries start theirs with their first work, and OpenBLAS
 stops its own around a fork.
@@ -50,21 +51,21 @@ def call(name: str, arguments: Sequence[str]) -> int:
 
 
 def serve(address: Path, stages: Sequence[str]) -> None:
-    """Import the stages' modules, then fork one process a request, until killed.
+    """Import the stages' modules, and fork one process a request meanwhile and after, until killed.
 
-    A stage whose caller is gone is killed: it would write where another run may begin.
+    A stage whose caller is gone is killed, at the latest after the import that goes on then: it would write
+    where another run may begin.
     """
+    left = [*(f"pipeline.stages.{stage}" for stage in stages), *LATE]
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind(str(address))
         listening.listen()
-        for module in (*(f"pipeline.stages.{stage}" for stage in stages), *LATE):
-            with contextlib.suppress(Exception):  # the stage itself will say what is wrong
-                importlib.import_module(module)
-        if "numba" in sys.modules:  # half a second that its first call of a kernel would take
-            sys.modules["numba.core.registry"].cpu_target.target_context.refresh()
         running: dict[int, socket.socket] = {}
         while True:
-            ready = select.select([listening, *running.values()], [], [], TICK if running else None)[0]
+            if left:
+                _import(left.pop(0))
+            patience = 0 if left else TICK if running else None
+            ready = select.select([listening, *running.values()], [], [], patience)[0]
             for process, caller in list(running.items()):
                 if caller in ready:
                     os.kill(process, signal.SIGKILL)
@@ -78,6 +79,14 @@ def serve(address: Path, stages: Sequence[str]) -> None:
                 caller, _ = listening.accept()
                 if process := _fork(caller, [listening, caller, *running.values()]):
                     running[process] = caller
+
+
+def _import(module: str) -> None:
+    """Import a module, and have what came with it ready."""
+    with contextlib.suppress(Exception):  # the stage itself will say what is wrong
+        importlib.import_module(module)
+    if "numba" in sys.modules:  # half a second that its first call of a kernel would take
+        sys.modules["numba.core.registry"].cpu_target.target_context.refresh()
 
 
 def _fork(caller: socket.socket, sockets: Sequence[socket.socket]) -> int:
@@ -95,11 +104,13 @@ def _fork(caller: socket.socket, sockets: Sequence[socket.socket]) -> int:
             os.close(descriptor)
         caller.close()
         return 0
+    request = json.loads(text)
+    _import(f"pipeline.stages.{request['stage']}")
     process = os.fork()
     if process == 0:
         for own in sockets:
             own.close()
-        _become(json.loads(text), descriptors)
+        _become(request, descriptors)
     for descriptor in descriptors:
         os.close(descriptor)
     return process

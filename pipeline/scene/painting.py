@@ -16,6 +16,7 @@ from jaxtyping import Float, Int
 from torch import nn
 
 from pipeline.paint_options import TrainPaint
+from pipeline.scene.adam import Adam
 from pipeline.scene.background import Background, FlatBackground, LearnedBackground
 from pipeline.scene.batch import Batch, Guidance, make_batch, require_finite, require_steppable
 from pipeline.scene.cameras import Camera, camera_rays, sample_cameras
@@ -42,7 +43,7 @@ class PaintState:
     colours: nn.Parameter
     """(n, 4) latents; (n, 3) RGB while being refined."""
     background: Background
-    optimizer: torch.optim.Adam
+    optimizer: Adam
     rng: np.random.Generator
     step: int = 0
 
@@ -84,13 +85,10 @@ def initial_paint(
     return PaintState(colours, background, paint_optimizer(colours, background, options), rng)
 
 
-def paint_optimizer(colours: nn.Parameter, background: Background, options: TrainPaint) -> torch.optim.Adam:
+def paint_optimizer(colours: nn.Parameter, background: Background, options: TrainPaint) -> Adam:
     """Return Adam; a learned background has a network's rate, a tenth of the colours'."""
-    groups = [
-        {"params": [colours], "lr": options.learning_rate},
-        {"params": [*background.parameters()], "lr": options.learning_rate / 10},
-    ]
-    return torch.optim.Adam([g for g in groups if g["params"]], betas=(0.9, 0.99), eps=1e-15, fused=True)
+    rate = options.learning_rate
+    return Adam([([colours], rate), ([*background.parameters()], rate / 10)])
 
 
 def paint_step(
@@ -124,7 +122,7 @@ def paint_step(
     require_finite("guidance gradient", gradient, state.step)
     clock.append(time.perf_counter())
 
-    state.optimizer.zero_grad(set_to_none=True)
+    state.optimizer.clear_gradients()
     share = gradient / np.float32(len(views))
     total = np.zeros_like(colours)
     for view, by_pixel in zip(views, share, strict=True):

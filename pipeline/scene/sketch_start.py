@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
+from pipeline.scene.adam import Adam
 from pipeline.scene.field import LatentField
 from pipeline.scene.shape_loss import shape_loss
 from pipeline.scene.sketch import Sketch
@@ -16,9 +17,7 @@ _POINTS = 8192
 """A step's points."""
 
 
-def grow(
-    field: LatentField, optimizer: torch.optim.Optimizer, sketch: Sketch, rng: np.random.Generator, steps: int
-) -> None:
+def grow(field: LatentField, optimizer: Adam, sketch: Sketch, rng: np.random.Generator, steps: int) -> None:
     """Take optimiser steps towards the density of the sketch, at random points anywhere and inside it."""
     inside = np.argwhere(sketch.winding > 0.5)
     for _ in range(steps):
@@ -26,7 +25,7 @@ def grow(
         segment = field.evaluate(points)
         density, _ = field.attach([segment])
         _, gradient = shape_loss(sketch, sketch.cell / 2, points.numpy(), density.detach().numpy())
-        optimizer.zero_grad(set_to_none=True)
+        optimizer.clear_gradients()
         density.backward(torch.from_numpy(gradient))
         optimizer.step()
 

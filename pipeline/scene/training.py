@@ -18,6 +18,7 @@ from torch import Tensor
 
 from pipeline.nerf_options import TrainNerf
 from pipeline.scene import occupancy
+from pipeline.scene.adam import Adam
 from pipeline.scene.background import FlatBackground, LearnedBackground
 from pipeline.scene.batch import Batch, Guidance, make_batch, require_finite, require_steppable
 from pipeline.scene.cameras import sample_cameras
@@ -38,7 +39,7 @@ class State:
     """Everything that a training run carries from step to step."""
 
     scene: Scene
-    optimizer: torch.optim.Adam
+    optimizer: Adam
     rng: np.random.Generator
     """The only source of random numbers."""
     step: int = 0
@@ -90,15 +91,13 @@ def initial_state(
     return state
 
 
-def make_optimizer(scene: Scene, options: TrainNerf) -> torch.optim.Adam:
+def make_optimizer(scene: Scene, options: TrainNerf) -> Adam:
     """Return Adam with the paper's settings: the grid's rate is higher, its entries see few gradients."""
     networks = [p for p in scene.field.parameters() if p is not scene.field.table]
     others = [p for name, part in scene.modules.items() if name != "field" for p in part.parameters()]
-    groups = [
-        {"params": [scene.field.table], "lr": options.grid_learning_rate},
-        {"params": [*networks, *others], "lr": options.learning_rate},
-    ]
-    return torch.optim.Adam(groups, betas=(0.9, 0.99), eps=1e-15, fused=True)
+    return Adam(
+        [([scene.field.table], options.grid_learning_rate), ([*networks, *others], options.learning_rate)]
+    )
 
 
 Compose = Callable[[Scene, Rays, Seen, Batch], Float[Tensor, "r c"]]
@@ -180,7 +179,7 @@ def training_step(
             shape, push = shape_loss(sketch, options.shape_sigma, points.numpy(), values)
             roots.append(seen.density)
             gradients.append(torch.from_numpy(push * np.float32(options.shape_weight)))
-        state.optimizer.zero_grad(set_to_none=True)
+        state.optimizer.clear_gradients()
         torch.autograd.backward(roots, gradients)
         clock.lap("backward")
         _update(state)
