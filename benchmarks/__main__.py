@@ -21,8 +21,8 @@ from pathlib import Path
 HERE = Path(__file__).parent
 RESULTS, README = HERE / "results", HERE.parent / "README.md"
 BY_NAME = {
-    "default-model": "100 min",
-    "guidance": "70 min",
+    "default-model": "50 min",
+    "guidance": "25 min",
     "latent-vs-rgb": "20 min",
     "learn-token": "6 min",
     "paint": "15 min",

@@ -27,7 +27,7 @@ from pipeline.scene.cameras import orbit_camera
 from pipeline.scene.rendering import render_views
 from pipeline.scene.scene import load_scene
 
-PROMPT_COUNT = 8
+PROMPT_COUNT = 6
 NOISE_LEVELS, DRAWS = (400, 550, 700), 4
 BEHIND = np.radians([150.0, 180.0, 210.0])
 OPTIONS: dict[str, dict[str, Any]] = {
@@ -40,7 +40,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "clip 0.5 to 2": {"gradient_clip": 0.5, "gradient_clip_end": 2.0},
     "sqrt annealing": {"timestep_annealing": "sqrt"},
     "no annealing": {"timestep_max": 0.98, "timestep_max_end": 0.98},
-    "guidance 30": {"guidance_scale": 30.0, "guidance_scale_end": 30.0},
+    "guidance 30 to 12": {"guidance_scale": 30.0, "guidance_scale_end": 12.0},
 }
 
 

@@ -73,7 +73,7 @@ class Job:
 
 QUALITY: dict[str, dict[str, dict[str, Any]]] = {
     "draft": {
-        "train_nerf": {"steps": 130, "samples_per_ray": 48},
+        "train_nerf": {"steps": 110, "samples_per_ray": 48},
         "refinement": {"fit_steps": 30, "steps": 50},
         "extract": {"resolution": 96, "views": 12},
         "clean": {"faces": 8_000},

@@ -12,7 +12,7 @@ from pipeline.options import check, option
 class TrainNerf(Distillation):
     """Latent-NeRF: score distillation of a radiance field in latent space."""
 
-    steps: int = option(300, "steps: calls of the denoiser", 1, 100_000)
+    steps: int = option(200, "steps: calls of the denoiser", 1, 100_000)
     samples_per_ray: int = option(64, "samples along a ray through the whole box", 8, 1024)
     learning_rate: float = option(1e-3, "Adam's rate for the small network", 1e-7, 1)
     grid_learning_rate: float = option(1e-2, "Adam's rate for the hash grid", 1e-7, 1)

@@ -69,8 +69,17 @@ def sources(module: str, root: Path = ROOT) -> tuple[list[Path], set[str]]:
         files[name] = path
         parent = name.rpartition(".")[0]
         waiting += [parent] if parent else []
-        waiting += imports(path.read_text(encoding="utf-8"), name if base.is_dir() else parent)
+        waiting += _imports_of(path, name if base.is_dir() else parent, path.stat().st_mtime_ns)
     return sorted(files.values()), packages - set(sys.stdlib_module_names)
+
+
+@functools.cache
+def _imports_of(path: Path, package: str, changed: int) -> set[str]:
+    """Return what a source file, last changed then [ns], imports: the stages share most of their files."""
+    return imports(path.read_text(encoding="utf-8"), package)
+
+
+_version = functools.cache(importlib.metadata.version)
 
 
 @functools.cache
@@ -83,7 +92,7 @@ def code(module: str, root: Path = ROOT) -> tuple[str, dict[str, str]]:
     versions = {"python": platform.python_version()}
     for package in sorted(packages):
         name = DISTRIBUTIONS.get(package, package)
-        versions[name] = importlib.metadata.version(name)
+        versions[name] = _version(name)
     return digest.hexdigest(), versions
 
 

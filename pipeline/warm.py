@@ -82,9 +82,11 @@ def serve(address: Path, stages: Sequence[str]) -> None:
 
 
 def _import(module: str) -> None:
-    """Import a module, and have what came with it ready."""
+    """Import a module, and have ready what came with it and what its key is made of."""
     with contextlib.suppress(Exception):  # the stage itself will say what is wrong
         importlib.import_module(module)
+        if module.startswith("pipeline."):
+            importlib.import_module("pipeline.provenance").code(module)
     if "numba" in sys.modules:  # half a second that its first call of a kernel would take
         sys.modules["numba.core.registry"].cpu_target.target_context.refresh()
 

@@ -1,4 +1,4 @@
-"""Look at what the exported model paints: a sheet of DDIM samples, one prompt a row, one view a column.
+"""Look at what the exported model paints: a sheet of samples, one prompt a row, one view a column.
 
 `python -m export.everyday_objects.sample OUT.png "a red armchair" "a blue car" [--folder BUNDLE]`
 """
@@ -23,6 +23,8 @@ VIEWS = (
     "right side view",
     "overhead front view",
 )
+CLAMP = 3.0  # a picture's latents reach that far
+ETA = 1.0
 
 
 def ddim(
@@ -34,8 +36,12 @@ def ddim(
     guidance: float,
     steps: int,
     seed: int,
+    eta: float = ETA,
 ) -> np.ndarray:
-    """Deterministic DDIM (Song et al. 2020, eta 0) from noise to latents (b, 4, size, size)."""
+    """DDIM (Song et al. 2020) from noise to latents (b, 4, size, size), clean pictures clamped on the way.
+
+    `eta`: how much of the noise of every step is fresh. Without any, at 0, errors of the first steps stay.
+    """
     rng = np.random.default_rng(seed)
     x = rng.standard_normal((len(cond), 4, size, size)).astype(np.float32)
     timesteps = np.linspace(len(schedule.alphas_cumprod) - 1, 0, steps + 1).round().astype(np.int64)
@@ -43,9 +49,15 @@ def ddim(
         t = np.full(len(cond), now)
         without, told = denoise(x, t, np.broadcast_to(uncond, cond.shape)), denoise(x, t, cond)
         output = without + guidance * (told - without)
-        clean = schedule.to_clean(output, x, t)
-        noise = schedule.to_epsilon(output, x, t)
-        x = schedule.add_noise(clean, noise, np.full(len(cond), after)).astype(np.float32)
+        clean = schedule.to_clean(output, x, t).clip(-CLAMP, CLAMP)
+        signal, sigma = (f.item() for f in schedule.factors(t[:1]))
+        signal_after, sigma_after = (f.item() for f in schedule.factors(np.array([after])))
+        noise = (x - signal * clean) / sigma
+        # Equation 16 of the article.
+        fresh = eta * sigma_after / sigma * np.sqrt(1 - (signal / signal_after) ** 2)
+        kept = np.sqrt(max(0.0, sigma_after**2 - fresh**2))
+        drawn = rng.standard_normal(x.shape) if eta else 0.0
+        x = (signal_after * clean + kept * noise + fresh * drawn).astype(np.float32)
     return x
 
 
@@ -55,7 +67,7 @@ def main() -> None:
     parser.add_argument("picture", type=Path)
     parser.add_argument("prompts", nargs="+")
     parser.add_argument("--folder", type=Path, default=Path("onnx_models/everyday-objects"))
-    parser.add_argument("--guidance", type=float, default=4.0)
+    parser.add_argument("--guidance", type=float, default=7.0)
     parser.add_argument("--steps", type=int, default=40)
     options = parser.parse_args()
     bundle = open_bundle(options.folder)

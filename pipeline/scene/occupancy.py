@@ -59,16 +59,19 @@ def refresh(
 
 
 def settle(
+    occupied: Bool[np.ndarray, "g g g"],
     density_at: Callable[[Float[np.ndarray, "n 3"]], Float[np.ndarray, " n"]],
     step: float,
     rng: np.random.Generator,
     samples: int = 4,
-    cells: int = CELLS,
 ) -> Occupancy:
-    """Return the grid of a field that no longer changes, from `samples` points a cell."""
-    chosen = np.ones((cells,) * 3, np.bool_)
-    density = np.max([_sample(chosen, density_at, rng) for _ in range(samples)], axis=0)
-    return _decide(density.reshape(chosen.shape), step)
+    """Return the grid of a field that no longer changes, from `samples` points in every occupied cell. What
+    lies in others was never rendered: it is no part of the scene.
+    """
+    density = np.zeros(occupied.shape, np.float32)
+    if occupied.any():
+        density[occupied] = np.max([_sample(occupied, density_at, rng) for _ in range(samples)], axis=0)
+    return _decide(density, step)
 
 
 def _sample(

@@ -146,7 +146,7 @@ def training_step(
     clock.lap("rest")
 
     asked: tuple[Float[np.ndarray, "b c h w"], Float[np.ndarray, "b c h w"]] | None = None
-    for _ in range(options.updates_per_call):
+    for update in range(options.updates_per_call):
         seen = render_rays(scene, rays)
         opacity = -torch.expm1(seen.log_transmittance)
         pixels = compose(scene, rays, seen, batch)
@@ -168,8 +168,9 @@ def training_step(
         entropy = binary_entropy(opacity).mean()
         growth = min(1.0, progress / options.sparsity_ramp) if options.sparsity_ramp else 1.0
         regulariser = growth * options.sparsity_weight * entropy + options.opacity_weight * opacity.mean()
-        if options.emptiness_weight:
-            regulariser = regulariser + options.emptiness_weight * unseen_thickness(scene, state.rng)
+        if options.emptiness_weight and update == 0:  # once a step is enough, for all of its updates
+            weight = options.emptiness_weight * options.updates_per_call
+            regulariser = regulariser + weight * unseen_thickness(scene, state.rng)
         roots = [latents, regulariser]
         gradients = [torch.from_numpy(gradient / np.float32(len(batch.cameras))), None]
         shape = 0.0

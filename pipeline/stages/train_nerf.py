@@ -94,7 +94,8 @@ def take_steps(
     if rest and state.step < options.steps:
         say(f"{name}: the scene has converged at step {state.step} of {options.steps}; the rest is skipped")
     scene = state.scene
-    scene.occupancy = occupancy.settle(lambda x: density(scene, x), scene.step, state.rng)
+    seen = scene.occupancy.occupied
+    scene.occupancy = occupancy.settle(seen, lambda x: density(scene, x), scene.step, state.rng)
     require_finite("density", scene.occupancy.density, state.step)
 
 

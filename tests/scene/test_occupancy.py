@@ -38,8 +38,12 @@ def test_dense_places_are_never_dropped(seed: int) -> None:
         grid = occupancy.refresh(grid, density, STEP, rng)
         assert grid.occupied[cell_of(points, 32)][opacity > 0.02].all()
     assert grid.occupied.mean() < 0.5
-    settled = occupancy.settle(density, STEP, rng, cells=32)
+    settled = occupancy.settle(grid.occupied, density, STEP, rng)
     assert settled.occupied[cell_of(points, 32)][opacity > 0.02].all()
+    # What was never rendered does not appear in the end.
+    half = grid.occupied.copy()
+    half[16:] = False
+    assert not occupancy.settle(half, density, STEP, rng).occupied[18:].any()
 
 
 def test_emptied_places_are_forgotten_but_not_at_once() -> None:

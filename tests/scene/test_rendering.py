@@ -210,7 +210,7 @@ def test_skipping_empty_cells_changes_little() -> None:
     cameras = sphere(3, 1.5, FOV)
     full = render_views(scene, cameras, 24)
     scene.occupancy = occupancy.settle(
-        lambda x: density(scene, x), scene.step, np.random.default_rng(0), cells=32
+        np.ones((32,) * 3, np.bool_), lambda x: density(scene, x), scene.step, np.random.default_rng(0)
     )
     assert scene.occupancy.occupied.mean() < 0.7
     skipped = render_views(scene, cameras, 24)

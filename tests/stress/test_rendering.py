@@ -138,7 +138,7 @@ def test_beyond_float32s_reach_the_picture_is_still_one(radius: float) -> None:
 def test_an_empty_scene_is_its_background_and_a_full_one_a_wall(logarithm: float) -> None:
     scene = homogeneous(logarithm)
     scene.occupancy = occupancy.settle(
-        lambda x: density(scene, x), scene.step, np.random.default_rng(0), cells=16
+        np.ones((16,) * 3, np.bool_), lambda x: density(scene, x), scene.step, np.random.default_rng(0)
     )
     cameras = [orbit_camera(0.3, 1.1, 1.2, 1.0), orbit_camera(0, 1.5, 0.0, 1.0)]
     views = render_views(scene, cameras, 8)
