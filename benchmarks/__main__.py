@@ -22,11 +22,11 @@ HERE = Path(__file__).parent
 RESULTS, README = HERE / "results", HERE.parent / "README.md"
 BY_NAME = {
     "default-model": "50 min",
-    "guidance": "25 min",
-    "latent-vs-rgb": "20 min",
+    "guidance": "20 min",
+    "latent-vs-rgb": "15 min",
     "learn-token": "6 min",
     "paint": "15 min",
-    "refine": "40 min",
+    "refine": "15 min",
     "sd14": "12 min and 8 GB",
     "sigma-s": "40 min",
 }

@@ -37,7 +37,7 @@ VIEWS, GREY = 8, 0.85
 DENSE = 0.9
 # What settings are chosen by; the default model's benchmark has others.
 PROMPTS = (
-    "a wooden table", "a blue lamp", "a green sofa", "a red bench", "a blue car", "a brown horse",
+    "a wooden table", "a blue lamp", "a brown horse", "a red bench", "a blue car", "a green sofa",
     "a yellow mushroom", "a purple house",
 )  # fmt: skip
 __all__ = ["contact_sheet"]

@@ -82,7 +82,7 @@ def shape_error(scene: Scene, truth: Truth, job: Job) -> dict[str, float]:
     samples = sample_logarithm(
         lambda points: density(scene, points), scene.occupancy.occupied, job.extract.resolution
     )
-    mesh, figures = choose_surface(samples, opacity, views)
+    mesh, figures = choose_surface(samples, opacity, views, job.extract.smoothing)
     chamfer, normals = surface_error(visible_surface(mesh), visible_surface(truth.mesh))
     return {
         "chamfer": round(chamfer, 5),

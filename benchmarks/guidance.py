@@ -27,7 +27,7 @@ from pipeline.scene.cameras import orbit_camera
 from pipeline.scene.rendering import render_views
 from pipeline.scene.scene import load_scene
 
-PROMPT_COUNT = 6
+PROMPT_COUNT = 4
 NOISE_LEVELS, DRAWS = (400, 550, 700), 4
 BEHIND = np.radians([150.0, 180.0, 210.0])
 OPTIONS: dict[str, dict[str, Any]] = {

@@ -25,7 +25,7 @@ from pipeline.job import Job
 from pipeline.scene.scene import save_scene
 from pipeline.scene.training import initial_state
 
-PROMPT_COUNT = 6
+PROMPT_COUNT = 4
 WAYS = ("latent", "refined", "rgb")
 
 

@@ -19,7 +19,7 @@ from benchmarks import _scenes as scenes
 from benchmarks._pool import at_once
 from benchmarks._tables import markdown
 
-PROMPT_COUNT = 8
+PROMPT_COUNT = 4
 CHOSEN = "encoder"
 """What REFINE=1 does by default where the bundle can."""
 VARIANTS: dict[str, dict[str, Any]] = {

@@ -1,9 +1,9 @@
 """Stage `extract`: the surface of the density at the threshold that looks most like the renders.
 
 Letters: n views, s pixels along a side, g cells along a side of the box. Surfaces are level sets of the
-logarithm of the
-density: the field is the exponential of a smooth function, so its logarithm interpolates well between samples
-where the density itself makes steps.
+logarithm of the density: the field is the exponential of a smooth function, so its logarithm interpolates
+well between samples where the density itself makes steps. Nothing holds that logarithm to a smooth surface in
+training, so it is blurred first, unless parts of the object would be lost.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.ndimage import gaussian_filter
 from skimage.measure import marching_cubes
 
 from pipeline.errors import InputError
@@ -28,6 +29,8 @@ SILHOUETTE_SIZE = 96
 LEAST_DENSITY = 0.1  # thresholds below it [1 / scene unit] only find haze: a whole box of it is 18 % opaque
 LEAST_OPACITY = 0.05  # a scene that is nowhere more opaque is empty
 COARSE, FINE, ROUNDS = 10, 4, 2  # thresholds of the first sweep, of each refinement, and refinements
+BLURRED = (0.1, 1.5, 5)  # thresholds for the blurred density, relative to the one without; how many
+LOST = 0.01  # of the silhouettes' agreement: where a blur costs more, thin parts went, and none is applied
 FAR = 4.0  # logarithms further than this from the threshold say only "inside" or "outside"
 
 Density = Callable[[Float[np.ndarray, "k 3"]], Float[np.ndarray, " k"]]
@@ -76,12 +79,17 @@ def sample_logarithm(density: Density, occupied: Bool[np.ndarray, "g g g"], reso
     return Samples(grid, origin, cell)
 
 
-def surface(samples: Samples, threshold: float) -> Mesh:
-    """Return the closed surface where the density is `threshold` (Lewiner's marching cubes), faces outwards.
+def surface(samples: Samples, threshold: float, smoothing: float = 0.0) -> Mesh:
+    """Return the closed surface where the density is `threshold` (Lewiner's marching cubes), faces outwards;
+    without faces where nothing is as dense.
 
-    The threshold must be below the greatest density sampled.
+    `smoothing`: standard deviation of a Gaussian blur of the logarithm [cells].
     """
     level = np.clip(samples.logarithm - np.float32(np.log(threshold)), -FAR, FAR)
+    if smoothing:
+        level = gaussian_filter(level, smoothing, mode="nearest")
+    if not level.max() > 0:
+        return Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
     vertices, faces, _, _ = marching_cubes(level, 0.0, gradient_direction="ascent", allow_degenerate=False)
     places = samples.origin + (vertices.astype(np.float64) - 0.5) * samples.cell
     return Mesh(np.clip(places, -1.0, 1.0).astype(np.float32), faces.astype(np.int32))
@@ -91,12 +99,13 @@ def choose_surface(
     samples: Samples,
     opacity: Float[np.ndarray, "n s s"],
     cameras: Sequence[Camera],
+    smoothing: float = 0.0,
     tell: Callable[[int, str], None] = lambda done, note: None,
 ) -> tuple[Mesh, dict[str, Any]]:
     """Return the surface whose silhouettes agree best with the rendered opacities, and how it was chosen.
 
     Thresholds are swept coarsely over all densities there are, on a logarithmic scale, then finely around the
-    best.
+    best. A blur, see `surface`, that costs more than `LOST` of the agreement is left out.
 
     Raises:
         InputError: the scene is empty, so that no threshold can find anything.
@@ -109,13 +118,50 @@ def choose_surface(
             f"expected {LEAST_OPACITY} or more); try another SEED, more train_nerf.steps "
             "or less train_nerf.opacity_weight"
         )
+    everywhere = np.geomspace(min(LEAST_DENSITY, highest / 100), 0.9 * highest, COARSE)
+    chosen, applied = _sweep(samples, mask, cameras, 0.0, everywhere, tell), 0.0
+    if smoothing:
+        near = chosen.threshold * np.geomspace(*BLURRED)
+        before = len(chosen.curve)
+        smooth = _sweep(samples, mask, cameras, smoothing, near, lambda done, note: tell(before + done, note))
+        if smooth.agreement > chosen.agreement - LOST:
+            chosen, applied = smooth, smoothing
+    return chosen.mesh, {
+        "threshold": chosen.threshold,
+        "smoothing": applied,
+        "silhouette_iou": chosen.agreement,
+        "iou_curve": chosen.curve,
+        "opacity_level": level,
+        "greatest_opacity": float(opacity.max()),
+        "greatest_density": highest,
+    }
+
+
+class _Swept(NamedTuple):
+    mesh: Mesh
+    threshold: float
+    agreement: float
+    """Intersection over union of the silhouettes."""
+    curve: list[list[float]]
+    """Thresholds and agreements."""
+
+
+def _sweep(
+    samples: Samples,
+    mask: Bool[np.ndarray, "n s s"],
+    cameras: Sequence[Camera],
+    smoothing: float,
+    candidates: Float[np.ndarray, " k"],
+    tell: Callable[[int, str], None],
+) -> _Swept:
+    """Return the surface of the best threshold, of the candidates and those between them."""
     agreement: dict[float, float] = {}
     best: tuple[float, Mesh] | None = None
-    candidates = np.geomspace(min(LEAST_DENSITY, highest / 100), 0.9 * highest, COARSE)
     for _ in range(1 + ROUNDS):
         for threshold in candidates.tolist():
-            mesh = surface(samples, threshold)
-            agreement[threshold] = mean_iou(silhouettes(mesh, cameras, opacity.shape[-1]), mask)
+            mesh = surface(samples, threshold, smoothing)
+            shown = silhouettes(mesh, cameras, mask.shape[-1]) if len(mesh.faces) else np.zeros_like(mask)
+            agreement[threshold] = mean_iou(shown, mask)
             if best is None or agreement[threshold] > best[0]:
                 best = agreement[threshold], mesh
             tell(len(agreement), f"silhouette IoU {best[0]:.3f}")
@@ -124,15 +170,12 @@ def choose_surface(
         around = tried[max(place - 1, 0)], tried[min(place + 1, len(tried) - 1)]
         candidates = np.setdiff1d(np.geomspace(*around, FINE + 2)[1:-1], tried)
     assert best is not None
-    curve = sorted(agreement.items())
-    return best[1], {
-        "threshold": max(agreement, key=lambda t: agreement[t]),
-        "silhouette_iou": best[0],
-        "iou_curve": [[round(threshold, 4), round(iou, 4)] for threshold, iou in curve],
-        "opacity_level": level,
-        "greatest_opacity": float(opacity.max()),
-        "greatest_density": highest,
-    }
+    curve = [[round(threshold, 4), round(iou, 4)] for threshold, iou in sorted(agreement.items())]
+    return _Swept(best[1], max(agreement, key=lambda t: agreement[t]), best[0], curve)
+
+
+def _most_thresholds(smoothing: float) -> int:
+    return COARSE + ROUNDS * FINE + (BLURRED[2] + ROUNDS * FINE if smoothing else 0)
 
 
 def main(context: Context) -> None:
@@ -142,8 +185,8 @@ def main(context: Context) -> None:
     opacity = render_views(scene, cameras, SILHOUETTE_SIZE, np.zeros(4, np.float32)).opacity
     occupied = scene.occupancy.occupied
     samples = sample_logarithm(lambda points: scene_density(scene, points), occupied, options.resolution)
-    with Progress("extract", COARSE + ROUNDS * FINE, "thresholds") as progress:
-        mesh, figures = choose_surface(samples, opacity, cameras, progress.update)
+    with Progress("extract", _most_thresholds(options.smoothing), "thresholds") as progress:
+        mesh, figures = choose_surface(samples, opacity, cameras, options.smoothing, progress.update)
     context.metrics.update(
         **figures,
         vertices=len(mesh.vertices),

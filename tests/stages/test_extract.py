@@ -119,6 +119,37 @@ def test_the_chosen_threshold_keeps_thin_legs_where_a_fixed_one_loses_them() -> 
     assert mean_iou(silhouettes(high, cameras, 56), opacity > 0.5) < figures["silhouette_iou"] - 0.1
 
 
+def test_the_blur_takes_the_grain_off_a_surface() -> None:
+    cameras = comparison_cameras(8)
+    opacity = shapes.opacity_of(shapes.ball(0.5), cameras, 48)
+    samples = sample_logarithm(shapes.density(shapes.ball(0.5)), shapes.EVERYWHERE, 48)
+    grain = np.random.default_rng(0).normal(0, 1.5, samples.logarithm.shape).astype(np.float32)
+    rough = samples._replace(logarithm=samples.logarithm + grain)
+    errors = []
+    for smoothing in (0.0, 1.0):
+        mesh, figures = choose_surface(rough, opacity, cameras, smoothing)
+        assert figures["smoothing"] == smoothing
+        assert figures["silhouette_iou"] > 0.93
+        largest = face_components(mesh) == np.bincount(face_components(mesh)).argmax()
+        corners = mesh.vertices[mesh.faces[largest]].astype(np.float64)
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        middle = corners.mean(axis=1)
+        lengths = np.linalg.norm(normals, axis=1) * np.linalg.norm(middle, axis=1)
+        cosine = (normals * middle).sum(axis=1)[lengths > 0] / lengths[lengths > 0]
+        errors.append(np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean())
+    assert errors[1] < 0.5 * errors[0]
+
+
+def test_a_blur_that_would_lose_thin_parts_is_left_out() -> None:
+    cameras = comparison_cameras(8)
+    opacity = shapes.opacity_of(shapes.chair(), cameras, 56)
+    samples = sample_logarithm(shapes.density(shapes.chair()), shapes.EVERYWHERE, 64)
+    mesh, figures = choose_surface(samples, opacity, cameras, 4.0)
+    sharp, _ = choose_surface(samples, opacity, cameras)
+    assert figures["smoothing"] == 0
+    assert np.array_equal(mesh.vertices, sharp.vertices)
+
+
 def test_a_pale_scene_still_gives_a_mesh() -> None:
     """Nowhere half opaque: judged by half of its own greatest opacity."""
     cameras = comparison_cameras(8)
