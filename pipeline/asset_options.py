@@ -11,7 +11,7 @@ class Extract:
 
     resolution: int = option(128, "samples along the longest side of the occupied part", 16, 1024)
     views: int = option(24, "views whose silhouettes choose the density threshold", 4, 256)
-    # Three trainings on ideal denoisers: normals are off by 19.7 degrees at 0, 17.6 at 1, 16.9 at 1.5, and the
+    # Three trainings on ideal denoisers: normals are off by 19.7 degrees at 0, 17.6 at 1, 16.9 at 1.5, the
     # surface by 0.0093, 0.0088 and 0.0088 scene units. Real trainings are rougher.
     smoothing: float = option(
         1.5,
