@@ -48,13 +48,10 @@ def judged(prompt: str, variants: tuple[str, ...]) -> list[tuple[dict[str, Any],
             metrics = scenes.refined(job, work)
             (work / "refine.json").rename(work / f"refine-{name}.json")
             looks = scenes.look(work / "field_rgb.npz")
-            step = scenes.step_seconds(work / "refinement.json", job.refinement.fit_steps)
-            row |= {
-                "start_psnr": metrics["start_psnr"],
-                "likeness": metrics["end_psnr"],
-                "step_seconds": step,
-                "step_ratio": step / latent_step,
-            }
+            row |= {"start_psnr": metrics["start_psnr"], "likeness": metrics["end_psnr"]}
+            if job.refinement.steps:
+                step = scenes.step_seconds(work / "refinement.json", job.refinement.fit_steps)
+                row |= {"step_seconds": step, "step_ratio": step / latent_step}
         row |= {
             "sharpness": scenes.sharpness(looks),
             "agreement": scenes.agreement(judge, looks, prompt),
