@@ -114,7 +114,7 @@ def test_a_stage_ends_with_its_caller(project: Project, run: Path, server: dict[
         assert caller.poll() is None
         os.kill(caller.pid, signal.SIGKILL)
         caller.wait()
-        reached = []
+        reached: list[str] = []
         while reached[-1:] != reached[-2:-1] or not reached:  # the server may be in the middle of an import
             assert len(reached) < 20
             time.sleep(0.5)

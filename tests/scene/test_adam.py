@@ -24,8 +24,9 @@ def test_steps_are_those_of_torch_bit_for_bit() -> None:
         for i, (p, q) in enumerate(zip(ours, theirs, strict=True)):
             # The last one has a gradient now and then only: the others' steps do not count for it.
             missing = i == 2 and step % 3
-            p.grad = None if missing else torch.randn(p.shape, generator=generator) * 10.0 ** (step % 7 - 3)
-            q.grad = None if missing else p.grad.clone()
+            drawn = torch.randn(p.shape, generator=generator) * 10.0 ** (step % 7 - 3)
+            p.grad = None if missing else drawn
+            q.grad = None if missing else drawn.clone()
         adam.step()
         reference.step()
     for p, q in zip(ours, theirs, strict=True):
