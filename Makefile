@@ -40,7 +40,7 @@ learn-token: .venv/.dev
 
 # The bundled model from nothing: about twenty hours of a core; each step goes on where it was stopped.
 default-model: .venv/.dev
-	$(IN_VENV) -m export.everyday_objects.dataset build/everyday --shards 10
+	$(IN_VENV) -m export.everyday_objects.dataset build/everyday --shards 12
 	$(IN_VENV) -m export.everyday_objects.train_autoencoder build/everyday --steps 4200
 	$(IN_VENV) -m export.everyday_objects.train_denoiser build/everyday --steps 20000
 	$(IN_VENV) -m export.everyday_objects.export_bundle build/everyday

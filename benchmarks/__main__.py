@@ -25,6 +25,7 @@ BY_NAME = {
     "guidance": "20 min",
     "latent-vs-rgb": "15 min",
     "learn-token": "6 min",
+    "oracle-choices": "7 min",
     "paint": "15 min",
     "refine": "15 min",
     "sd14": "12 min and 8 GB",

@@ -30,9 +30,11 @@ class Size(NamedTuple):
     """Rays along a side of a view."""
     sides: tuple[int, ...] = (16, 32, 64, 128)
     samples: tuple[int, ...] = (32, 64, 128)
-    steps: int = 200
-    """Training steps of the scenes for skipping."""
+    steps: int = 110
+    """Training steps of the scenes for skipping: a draft."""
     rounds: int = 7
+    scaling_rounds: int = 3
+    """For the times against rays and samples."""
 
 
 def foggy(options: TrainNerf) -> Scene:

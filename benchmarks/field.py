@@ -8,7 +8,7 @@ clock; `processor_speedup` compares processor time, which other work on the mach
 `speedup_skipping` is that of rendering and backward with empty cells and hidden samples skipped, in scenes
 learned from ideal denoisers, against plain torch that evaluates every sample in the box; `psnr_drop_db` what
 the skipping changes in their views against the truth (the worst scene). Then the time of a step against rays,
-samples a ray and threads. ROUNDS=7 unless said otherwise.
+samples a ray and threads. ROUNDS=7 unless said otherwise, the scaling in 3.
 """
 
 import os
@@ -116,11 +116,11 @@ def thread_scaling(scene: Scene, side: int, rounds: int) -> list[dict[str, Any]]
 def measure(truths: Sequence[Truth], options: TrainNerf, size: Size) -> dict[str, Any]:
     """Return all figures; the first truth lends its mesh to the texels."""
     scene = foggy(options)
-    rays = [whole_step(scene, side, size.rounds) for side in size.sides]
+    rays = [whole_step(scene, side, size.scaling_rounds) for side in size.sides]
     samples = []
     for count in size.samples:
         scene.samples_per_ray = count
-        samples.append({"samples_per_ray": count, **whole_step(scene, size.side, size.rounds)})
+        samples.append({"samples_per_ray": count, **whole_step(scene, size.side, size.scaling_rounds)})
     scene.samples_per_ray = options.samples_per_ray
     return {
         "encoding": encoding(scene, size),

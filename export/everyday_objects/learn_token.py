@@ -1,9 +1,11 @@
 """Textual inversion on the default bundle: learn a token from a few pictures of one object.
 
 `make learn-token IMAGES=dir NAME=mine` writes tokens/mine.safetensors, for `make run PROMPT="a <mine>"
-TOKEN=tokens/mine.safetensors`. Gal et al. 2022: all weights stay as they are, only the token's embeddings are
-trained, by the denoiser's own loss on the pictures. They start from the known noun that explains the pictures
-best. A file name may say from where a picture is taken, front.png, back-left-2.png: the caption then says so.
+TOKEN=tokens/mine.safetensors`. Gal et al. 2022: all weights stay as they are, only the token's embeddings
+are trained, by the denoiser's own loss on the pictures. They start from the known noun that explains the
+pictures best, and get no longer than it is. Plain backdrops are exchanged for others, or the token would mean
+them too. A file name may say from where a picture is taken, front.png, back-left-2.png: the caption then says
+so.
 """
 
 import argparse
@@ -20,7 +22,8 @@ from PIL import Image
 from safetensors.torch import save_file
 from torch.nn import functional as F
 
-from export.everyday_objects.dataset import IMAGE_SIZE
+from export.everyday_objects.backdrops import coverage
+from export.everyday_objects.dataset import IMAGE_SIZE, draw_background
 from export.everyday_objects.denoiser import Denoiser
 from export.everyday_objects.export_bundle import NAME
 from export.everyday_objects.nouns import NOUNS
@@ -35,7 +38,9 @@ from pipeline.stage import Progress
 
 FORMATS = (".png", ".jpg", ".jpeg", ".webp")
 FEWEST, MOST = 1, 64
-VECTORS, STEPS, BATCH, RATE = 2, 300, 8, 1e-2
+VECTORS, STEPS, BATCH, RATE = 2, 300, 8, 3e-3
+BACKDROPS = 12
+"""On how many backdrops each picture is shown that has a plain one of its own."""
 _DRAWS = 4
 """Noise levels at which each noun is tried."""
 
@@ -47,10 +52,14 @@ class Pictures(NamedTuple):
     """(n, IMAGE_SIZE, IMAGE_SIZE, 3) uint8"""
     views: list[str]
     """View words, "" where the file's name has none."""
+    coverages: list[np.ndarray | None]
+    """Where the object is, (IMAGE_SIZE, IMAGE_SIZE) in [0, 1]; None where its backdrop is not plain."""
 
 
 def read_pictures(folder: Path) -> Pictures:
     """Read the pictures of a folder in the order of their names, cropped to squares.
+
+    A transparent backdrop is left out, an opaque one is looked for (`backdrops.coverage`).
 
     Raises:
         InputError: no folder, too few or too many pictures, a file that is none.
@@ -60,18 +69,36 @@ def read_pictures(folder: Path) -> Pictures:
         raise InputError(
             f"IMAGES {folder} holds {len(paths)} pictures ({', '.join(FORMATS)}), expected 3 to 8"
         )
-    images = []
+    images, coverages = [], []
     for path in paths:
         try:
             with Image.open(path, formats=["PNG", "JPEG", "WEBP"]) as opened:
-                picture = opened.convert("RGB")
+                picture = opened.convert("RGBA")
         except (OSError, ValueError, Image.DecompressionBombError) as error:
             raise InputError(f"{path} is no picture that can be read ({error}): replace it") from None
         side = min(picture.size)
         left, top = (picture.width - side) // 2, (picture.height - side) // 2
         picture = picture.crop((left, top, left + side, top + side))
-        images.append(np.asarray(picture.resize((IMAGE_SIZE, IMAGE_SIZE), Image.Resampling.BOX)))
-    return Pictures(np.stack(images), [view_of(path.stem) for path in paths])
+        pixels = np.asarray(picture.resize((IMAGE_SIZE, IMAGE_SIZE), Image.Resampling.BOX))
+        images.append(pixels[..., :3])
+        opaque = pixels[..., 3].min() == 255
+        coverages.append(coverage(images[-1]) if opaque else pixels[..., 3].astype(np.float32) / 255)
+    return Pictures(np.stack(images), [view_of(path.stem) for path in paths], coverages)
+
+
+def over_backdrops(rng: np.random.Generator, pictures: Pictures) -> np.ndarray:
+    """Return all pictures (BACKDROPS, n, IMAGE_SIZE, IMAGE_SIZE, 3) uint8 on backdrops like those that the
+    model was trained on.
+    """
+    shown = np.repeat(pictures.images[None], BACKDROPS, axis=0)
+    for i, covered in enumerate(pictures.coverages):
+        if covered is None:
+            continue
+        for k in range(BACKDROPS):
+            backdrop = 255 * draw_background(rng, IMAGE_SIZE)
+            mixed = covered[..., None] * pictures.images[i] + (1 - covered[..., None]) * backdrop
+            shown[k, i] = np.round(mixed).astype(np.uint8)
+    return shown
 
 
 def view_of(stem: str) -> str:
@@ -127,12 +154,12 @@ def learn(
     encoder, _, denoiser, text_encoder = networks
     for network in networks:
         network.requires_grad_(False)
+    rng = np.random.default_rng(seed)
     with torch.no_grad():
-        latents = encoder(to_batch(pictures.images)).contiguous()
-    noun = nearest_noun((denoiser, text_encoder), tokenizer, latents, pictures.views)
+        latents = torch.stack([encoder(to_batch(images)) for images in over_backdrops(rng, pictures)])
+    noun = nearest_noun((denoiser, text_encoder), tokenizer, latents[0], pictures.views)
     ids = tokenizer.encode(noun)
     word = text_encoder.tokens.weight[torch.from_numpy(ids[1 : list(ids).index(tokenizer.end)])].mean(0)
-    rng = np.random.default_rng(seed)
     start = rng.standard_normal((vectors, WIDTH)).astype(np.float32) * 0.1 * float(word.std())
     embeddings = (word + torch.from_numpy(start)).requires_grad_()
     stand_in = LearnedToken(Path("token"), ("*",), np.zeros((vectors, WIDTH), np.float32))
@@ -141,14 +168,17 @@ def learn(
     inserted = insert_tokens([stand_in], texts[0], texts[1:], tokenizer, table)
     rows = torch.from_numpy(np.stack([inserted.tokenizer.encode(text) for text in inserted.texts]))
     optimiser = torch.optim.Adam([embeddings], RATE)
-    order = itertools.cycle(range(len(latents)))
+    order = itertools.cycle(range(len(texts)))
     with Progress("learn-token", steps, "steps") as progress:
         for step in range(steps):
             picks = list(itertools.islice(order, BATCH))
-            loss = denoising_loss(denoiser, latents[picks], text_encoder(rows[picks], embeddings), rng).mean()
+            clean = latents[rng.integers(BACKDROPS, size=BATCH), picks]
+            loss = denoising_loss(denoiser, clean, text_encoder(rows[picks], embeddings), rng).mean()
             optimiser.zero_grad()
             loss.backward()
             optimiser.step()
+            with torch.no_grad():  # free ones get four times as long as any word, and guidance overshoots
+                embeddings *= (word.norm() / embeddings.norm(dim=1, keepdim=True)).clamp(max=1)
             progress.update(step + 1, f"loss {float(loss.detach()):.4f}")
     return embeddings.detach(), noun
 

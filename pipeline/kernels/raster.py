@@ -9,6 +9,26 @@ import numpy as np
 
 
 @numba.njit(cache=True, nogil=True)
+def to_screen(vertices, pose, half_width, size, screen):
+    """Write what `draw` takes of every vertex: `cameras.project`, to rounding, in one pass.
+
+    `pose` (4, 4) is the camera's, `half_width` the tangent of half its angle of view. A vertex in the
+    camera's plane gets infinities or NaN, one behind it a negative 1 / depth.
+    """
+    for v in range(vertices.shape[0]):
+        x = float(vertices[v, 0]) - pose[0, 3]
+        y = float(vertices[v, 1]) - pose[1, 3]
+        z = float(vertices[v, 2]) - pose[2, 3]
+        right = x * pose[0, 0] + y * pose[1, 0] + z * pose[2, 0]
+        up = x * pose[0, 1] + y * pose[1, 1] + z * pose[2, 1]
+        depth = -(x * pose[0, 2] + y * pose[1, 2] + z * pose[2, 2])
+        inverse = np.inf if depth == 0 else 1.0 / depth
+        screen[v, 0] = (0.5 + 0.5 * right * inverse / half_width) * size
+        screen[v, 1] = (0.5 - 0.5 * up * inverse / half_width) * size
+        screen[v, 2] = inverse
+
+
+@numba.njit(cache=True, nogil=True)
 def draw(screen, faces, triangle, barycentric, inverse_depth):
     """Draw triangles into `triangle` (h, w), `barycentric` (h, w, 3), `inverse_depth` (h, w), in place.
 

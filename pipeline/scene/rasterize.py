@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from pipeline.kernels import raster
-from pipeline.scene.cameras import Camera, project
+from pipeline.scene.cameras import Camera
 
 
 class Fragments(NamedTuple):
@@ -34,13 +34,13 @@ def rasterize(
 
     There is no clipping: faces that reach behind the camera are left out. Coordinates are float64 throughout.
     """
-    xy, depth = project(camera, vertices)
-    with np.errstate(divide="ignore"):
-        screen = np.concatenate([xy * size, 1.0 / depth[:, None]], axis=1)
+    screen = np.empty((len(vertices), 3))
+    half_width = float(np.tan(camera.fov / 2))
+    raster.to_screen(np.ascontiguousarray(vertices), camera.pose, half_width, size, screen)
     triangle = np.full((size, size), -1, np.int32)
     barycentric = np.zeros((size, size, 3), np.float32)
     inverse_depth = np.zeros((size, size), np.float64)
-    raster.draw(screen, np.ascontiguousarray(faces, np.int64), triangle, barycentric, inverse_depth)
+    raster.draw(screen, np.ascontiguousarray(faces), triangle, barycentric, inverse_depth)
     with np.errstate(divide="ignore"):
         return Fragments(triangle, barycentric, (1.0 / inverse_depth).astype(np.float32))
 

@@ -30,7 +30,7 @@ from pipeline.scene.sketch import Sketch, solid_cells
 from pipeline.scene.sketch_start import grow
 
 _ENTROPY_CLAMP = 1e-5
-_PROBES = 2048
+_PROBES = 512
 """Points at which a step looks into the cells that rendering skips."""
 
 

@@ -54,7 +54,9 @@ def test_plain_torch_marches_the_same(scene: Scene) -> None:
 
 
 def test_the_benchmark_runs_and_is_summarised(options: TrainNerf, tmp_path: Path) -> None:
-    size = _kernels.Size(points=64, side=8, sides=(4, 8), samples=(8, 16), rounds=1, steps=3)
+    size = _kernels.Size(
+        points=64, side=8, sides=(4, 8), samples=(8, 16), rounds=1, scaling_rounds=1, steps=3
+    )
     boxes = [truth for truth in analytic_scenes() if truth.name == "boxes"]
     figures = field.measure(boxes, options, size)
     summary = field.summarise(figures)

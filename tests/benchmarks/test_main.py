@@ -20,7 +20,9 @@ def test_a_table_replaces_the_former_one_and_nothing_else(tmp_path: Path) -> Non
     assert "| y |" not in page.read_text()
 
 
-@pytest.mark.parametrize("name", ["denoiser", "oracle", "field", "skip", "guidance", "refine"])
+@pytest.mark.parametrize(
+    "name", ["denoiser", "oracle", "oracle-choices", "field", "skip", "guidance", "refine"]
+)
 def test_the_readme_has_the_newest_table(name: str, tmp_path: Path) -> None:
     table = RESULTS / f"{name}.md"
     if not table.is_file():

@@ -106,9 +106,10 @@ def test_the_benchmark_runs_resumes_and_is_summarised(boxes: Truth, tmp_path: Pa
     assert summary["psnr"] == standard["psnr"]
     assert summary["calls_for_paper_error"] in (4, 20, None)
     row = oracle.mean_row([standard])
-    told = oracle.tables({"standard": row}, {"draft": row}, {"standard": painted["standard"]["boxes"]})
+    told = oracle.table("text", {"standard": row}, {**oracle.COSTS, **oracle.ERRORS})
     assert told.count("| standard | 20 | 80 |") == 1
-    assert len(told.splitlines()) == 11
+    assert len(told.splitlines()) == 3
+    assert summary["plain_scenes"]["paper"]["calls"] == 16
     write_fronts(tmp_path / "a.png", oracle.panels(measured, painted, ["4", "standard"]))
     write_fronts(tmp_path / "b.png", oracle.panels(measured, painted, ["4", "standard"]))
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()

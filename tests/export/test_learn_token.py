@@ -45,6 +45,24 @@ def test_pictures_are_squares_in_the_order_of_their_names(tmp_path: Path) -> Non
     assert pictures.views == ["", "", "front view"]
 
 
+def test_plain_and_transparent_backdrops_are_exchanged_and_others_stay(tmp_path: Path) -> None:
+    shown = np.zeros((128, 128, 4), np.uint8)
+    shown[40:90, 40:90] = (200, 30, 30, 255)
+    Image.fromarray(shown).save(tmp_path / "a.png")
+    shown[..., 3] = 255
+    Image.fromarray(shown).save(tmp_path / "b.png")
+    noise = np.random.default_rng(0).integers(0, 255, (128, 128, 3)).astype(np.uint8)
+    Image.fromarray(noise).save(tmp_path / "c.png")
+    pictures = read_pictures(tmp_path)
+    assert [c is None for c in pictures.coverages] == [False, False, True]
+    over = learn_token.over_backdrops(np.random.default_rng(1), pictures)
+    assert over.shape == (learn_token.BACKDROPS, 3, 128, 128, 3)
+    assert (over[:, :2, 45:85, 45:85] == (200, 30, 30)).all()
+    corners = over[:, :2, 0, 0].reshape(-1, 3)
+    assert len(np.unique(corners, axis=0)) > learn_token.BACKDROPS
+    assert (over[:, 2] == noise).all()
+
+
 def test_what_is_wrong_with_pictures_is_said(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="0 pictures"):
         read_pictures(tmp_path / "absent")
@@ -78,11 +96,13 @@ def test_a_token_learns_what_its_words_say_and_the_weights_stay(
             torch.nn.init.normal_(parameter, std=0.05)
     before = copy.deepcopy(networks[2].state_dict())
     images = np.random.default_rng(0).integers(0, 255, (2, 128, 128, 3)).astype(np.uint8)
-    pictures = Pictures(images, ["front view", ""])
+    pictures = Pictures(images, ["front view", ""], [np.zeros((128, 128), np.float32), None])
     embeddings, noun = learn(pictures, networks, tokenizer, steps=3, vectors=2)
     assert noun in (NOUNS[0].words[0], NOUNS[1].words[0])
     assert embeddings.shape == (2, WIDTH)
     assert torch.isfinite(embeddings).all()
+    words = text_encoder.tokens.weight.norm(dim=1)
+    assert embeddings.norm(dim=1).max() <= words.max() * 1.0001
     again, _ = learn(pictures, networks, tokenizer, steps=3, vectors=2)
     torch.testing.assert_close(embeddings, again)
     for name, value in networks[2].state_dict().items():

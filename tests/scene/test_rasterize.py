@@ -3,7 +3,8 @@
 import numpy as np
 import trimesh
 
-from pipeline.scene.cameras import camera_rays, orbit_camera
+from pipeline.kernels import raster
+from pipeline.scene.cameras import camera_rays, orbit_camera, project
 from pipeline.scene.rasterize import interpolate, rasterize
 
 
@@ -77,3 +78,15 @@ def test_degenerate_hidden_and_absent_faces_draw_nothing():
     empty = rasterize(camera, np.zeros((3, 3)), np.zeros((0, 3), int), 16)
     assert not empty.mask.any()
     assert np.isinf(empty.depth).all()
+
+
+def test_vertices_land_where_the_readable_projection_puts_them():
+    rng = np.random.default_rng(3)
+    vertices = rng.uniform(-1, 1, (500, 3)).astype(np.float32)
+    camera = orbit_camera(0.7, 1.1, 0.4, 0.8)  # some are behind it
+    screen = np.empty((500, 3))
+    raster.to_screen(vertices, camera.pose, float(np.tan(camera.fov / 2)), 96, screen)
+    xy, depth = project(camera, vertices)
+    assert (depth < 0).any()
+    np.testing.assert_allclose(screen[:, :2], 96 * xy, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(screen[:, 2], 1 / depth, rtol=1e-9)

@@ -1,0 +1,46 @@
+"""What each choice behind the defaults is worth: drafts of two known scenes with one thing changed.
+
+    make bench ONLY=oracle-choices
+
+The ideal denoisers, the figures and the cache are those of `oracle`.
+"""
+
+from pathlib import Path
+from typing import Any
+
+from benchmarks._trials import RESOLUTION, fill, job_of
+from benchmarks._truths import analytic_scenes, catalogue_scenes
+from benchmarks.oracle import CACHE, COSTS, ERRORS, SCENES, mean_row, measure, table, trials
+
+CHOICES: dict[str, dict[str, Any]] = {
+    "draft": {},
+    "rates x 2": {"learning_rate": 2e-3, "grid_learning_rate": 2e-2},
+    "2 views a step, twice the steps": {"cameras_per_step": 2, "steps": 220},
+    "8 views a step, half the steps": {"cameras_per_step": 8, "steps": 55},
+    "no annealing": {"timestep_max_end": 0.98},
+    "32 samples a ray": {"samples_per_ray": 32},
+    "half the resolution, first half": {"coarse_share": 0.5},
+    "1 update a call": {"updates_per_call": 1},
+    "4 updates a call": {"updates_per_call": 4},
+    "finest grid 512": {"grid_finest": 512},
+}
+"""What each choice behind the defaults is worth, one changed at a time in a draft."""
+CHOSEN = ("boxes", "horse")
+
+
+def main(folder: Path) -> dict[str, Any]:
+    """Measure everything that the cache lacks, write the table into `folder`, return the figures."""
+    truths = [t for t in (*analytic_scenes(), *catalogue_scenes(list(SCENES))) if t.name in CHOSEN]
+    runs = {name: job_of("draft", **changed) for name, changed in CHOICES.items()}
+    fill(trials(truths, runs, RESOLUTION), CACHE)
+    measured = measure(truths, runs, CACHE, RESOLUTION)
+    means = {name: mean_row([rows[-1] for rows in by_scene.values()]) for name, by_scene in measured.items()}
+    text = table("text, a draft with one thing changed", means, {**COSTS, **ERRORS})
+    (folder / "oracle-choices.md").write_text(text, encoding="utf-8")
+    draft = means["draft"]["psnr"]
+    return {
+        "summary": {name: {"psnr_gain": round(row["psnr"] - draft, 3)} for name, row in means.items()},
+        "scenes": [truth.name for truth in truths],
+        "means": means,
+        "rows": measured,
+    }
