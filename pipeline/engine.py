@@ -11,9 +11,11 @@ import shutil
 import signal
 import subprocess
 import sys
+import traceback
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import FrameType
+from typing import NoReturn
 
 from pipeline import job as jobs
 from pipeline import provenance
@@ -61,7 +63,7 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
     run = out / jobs.run_name(job)
     open_bundle(folder, verify=not run.exists())  # before anything is written
     settings = _profile(profile)
-    with _user_view_of_os_errors(), _locked(run) as lock, _warm(run, settings, threads) as variables:
+    with _user_view_of_os_errors(), _locked(run), _warm(run, settings, threads) as variables:
         _point_latest(run)
         steps = make_plan(job, run, read_chain(job, run))
         if all(step.verdict == "unchanged" for step in steps):
@@ -72,7 +74,7 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
         for reason in (run / "stages").glob("*.error"):
             reason.unlink()
         stale = [step.stage for step in steps if step.verdict != "unchanged"]
-        if _snakemake(job, run, stale, threads, settings, lock, variables):
+        if _snakemake(job, run, stale, threads, settings, variables):
             raise _failure(run)
         missing = [name for name in RESULTS if not (run / name).is_file()]
         if missing:
@@ -133,15 +135,11 @@ def _snakemake(
     stages: list[str],
     threads: int,
     profile: Path,
-    lock: int,
     variables: Mapping[str, str],
 ) -> int:
     """Have Snakemake run the stages named and those after them; return its exit status."""
     config = [f"{name}={value}" for name, value in snakemake_config(job, run, threads).items()]
-    command = [
-        sys.executable,
-        "-m",
-        "snakemake",
+    arguments = [
         "--snakefile",
         str(snakefile(job)),
         "--directory",
@@ -162,22 +160,52 @@ def _snakemake(
         *(["--cores", str(threads)] if _runs_here(profile) else []),
     ]
     (run / "logs").mkdir(exist_ok=True)
-    with (run / "logs" / "snakemake.log").open("w", encoding="utf-8") as log, _termination_as_interrupt():
-        # A stage's progress is its standard output; the rest is Snakemake's and goes to the log.
-        process = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=sys.stderr,
-            stderr=log,
-            pass_fds=[lock],
-            env=variables,
-            preexec_fn=die_with_parent,
-        )
+    sys.stdout.flush()
+    sys.stderr.flush()
+    with _termination_as_interrupt():
+        process = os.fork()  # it has Snakemake imported already, which takes more than a second
+        if process == 0:
+            _become_snakemake(arguments, run / "logs" / "snakemake.log", variables)
+        ended = False
         try:
-            return process.wait()
+            _, status = os.waitpid(process, 0)
+            ended = True
+            return os.waitstatus_to_exitcode(status)
         finally:
-            process.kill()
-            process.wait()
+            if not ended:
+                os.kill(process, signal.SIGKILL)
+                os.waitpid(process, 0)
+
+
+def _become_snakemake(arguments: list[str], log: Path, variables: Mapping[str, str]) -> NoReturn:
+    """Be Snakemake, in the fork. The lock of the run stays held as long as it lives."""
+    status = 1
+    try:
+        die_with_parent()
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.SIG_DFL)
+        # A stage's progress is its standard output; the rest is Snakemake's and goes to the log.
+        written = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+        nothing = os.open(os.devnull, os.O_RDONLY)
+        for standard, descriptor in enumerate((nothing, sys.stderr.fileno(), written)):
+            os.dup2(descriptor, standard)
+        sys.stdin, sys.stdout, sys.stderr = (
+            os.fdopen(standard, mode, closefd=False) for standard, mode in enumerate("rww")
+        )
+        os.environ.clear()
+        os.environ.update(variables)
+        from snakemake.cli import main
+
+        main(arguments)
+        status = 0
+    except SystemExit as end:
+        status = end.code if isinstance(end.code, int) else int(end.code is not None)
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)  # not the caller's own end
 
 
 def _runs_here(profile: Path) -> bool:
@@ -231,8 +259,8 @@ def _failure(run: Path) -> InputError | StageFailure:
 
 
 @contextlib.contextmanager
-def _locked(run: Path) -> Iterator[int]:
-    """Hold the run's folder for this process alone. The kernel drops the lock when its holders end."""
+def _locked(run: Path) -> Iterator[None]:
+    """Hold the run's folder for this process and its forks: the kernel drops the lock when all have ended."""
     run.mkdir(parents=True, exist_ok=True)
     descriptor = os.open(run / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
     try:
@@ -246,7 +274,7 @@ def _locked(run: Path) -> Iterator[int]:
             ) from None
         os.ftruncate(descriptor, 0)
         os.pwrite(descriptor, str(os.getpid()).encode(), 0)
-        yield descriptor
+        yield
     finally:
         os.close(descriptor)
 
