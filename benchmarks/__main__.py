@@ -24,7 +24,7 @@ BY_NAME = {
     "default-model": "50 min",
     "guidance": "20 min",
     "latent-vs-rgb": "15 min",
-    "learn-token": "6 min",
+    "learn-token": "12 min",
     "oracle-choices": "7 min",
     "paint": "15 min",
     "refine": "15 min",

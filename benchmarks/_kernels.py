@@ -30,7 +30,7 @@ class Size(NamedTuple):
     """Rays along a side of a view."""
     sides: tuple[int, ...] = (16, 32, 64, 128)
     samples: tuple[int, ...] = (32, 64, 128)
-    steps: int = 110
+    steps: int = 100
     """Training steps of the scenes for skipping: a draft."""
     rounds: int = 7
     scaling_rounds: int = 3

@@ -22,6 +22,7 @@ from export.everyday_objects.judge import Judge, judge_images, load_judge
 from export.everyday_objects.train_judge import JUDGE
 from pipeline.diffusion.bundle import Bundle, open_bundle
 from pipeline.diffusion.sessions import Decode, vae_decoder
+from pipeline.files import file_sha256
 from pipeline.job import Job, bundle_folder, resolve
 from pipeline.scene.baking import decoded_views
 from pipeline.scene.cameras import ring
@@ -81,12 +82,15 @@ def stage(
     files: dict[str, str],
     given: Mapping[str, Path] | None = None,
 ) -> dict[str, Any]:
-    """Run a stage's main in `folder` unless its figures are there for this very job; return the figures.
+    """Run a stage's main in `folder` unless its figures are there for this very job, bundle and given files;
+    return the figures.
 
     `files`: outputs by their names; inputs are the bundle's folders and what earlier stages wrote.
     """
     bundle, done = model().path, folder / f"{name}.json"
-    if done.exists() and (stored := json.loads(done.read_text(encoding="utf-8")))["job"] == repr(job):
+    read = [file_sha256(path) for path in (bundle / "bundle.json", *(given or {}).values())]
+    asked = [repr(job), *read]
+    if done.exists() and (stored := json.loads(done.read_text(encoding="utf-8")))["asked"] == asked:
         return dict(stored["metrics"])
     graphs = {entry.name: entry for entry in bundle.iterdir() if entry.is_dir()}
     made = {"embeddings": folder / "embeddings.npz", "scene": folder / "field.npz"}
@@ -97,7 +101,7 @@ def stage(
         old.unlink()
     context = Context(job, {**graphs, **made, **(given or {})}, outputs, scratch)
     main(context)
-    done.write_text(json.dumps({"job": repr(job), "metrics": context.metrics}), encoding="utf-8")
+    done.write_text(json.dumps({"asked": asked, "metrics": context.metrics}), encoding="utf-8")
     return context.metrics
 
 

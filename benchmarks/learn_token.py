@@ -3,9 +3,9 @@
     make bench ONLY=learn-token
 
 Six renders of a held-out object of the catalogue teach a token ("a *"); a scene is made with it and one
-without, from the object's noun alone, everything else being equal. `distance_with`, `distance_without`: mean
-distance of the classifier's features (cosine) between the views of the scene and of the object from the same
-cameras. Needs Debian's sweethome3d-furniture.
+without, from the object's noun alone, everything else being equal; so for each of the `OBJECTS`.
+`distance_with`, `distance_without`: mean distance of the classifier's features (cosine) between the views of
+the scene and of the object from the same cameras. Needs Debian's sweethome3d-furniture.
 """
 
 from pathlib import Path
@@ -22,10 +22,12 @@ from export.everyday_objects.judge import Judge, shrink
 from export.everyday_objects.learn_token import STEPS, learn, read_pictures, save
 from export.everyday_objects.render import Light, render
 from export.everyday_objects.restore import restore_networks
+from pipeline.diffusion.bundle import Bundle
 from pipeline.diffusion.tokenizer import load_tokenizer
 from pipeline.scene.cameras import Camera, orbit_camera, ring
 
-NOUN, NUMBER = "lamp", 0
+OBJECTS = ("lamp", "bottle", "chair")
+"""The first held-out object of each of these nouns."""
 TAUGHT = {"front": 0, "front-left": 45, "left-side": 90, "back": 180, "right-side": 270, "front-right": 315}
 CATALOGUE = Path("build/everyday")
 
@@ -45,11 +47,21 @@ def distance(judged: Judge, first: np.ndarray, second: np.ndarray) -> float:
     return float((1 - torch.nn.functional.cosine_similarity(a, b)).mean())
 
 
-def main(folder: Path) -> dict[str, Any]:
-    """Learn the token, make both scenes, compare; write a sheet: the object, with the token, without."""
-    judged, bundle = scenes.judge(), scenes.model()
-    work = scenes.WORK / "learn-token"
-    entry = split_entries(CATALOGUE)[1][NOUN][NUMBER]
+def teach(images: Path, token: Path, bundle: Bundle) -> str:
+    """Learn a token from pictures; return the noun it started from."""
+    steps = 2 if scenes.TINY else STEPS
+    networks, tokenizer = restore_networks(bundle.path), load_tokenizer(bundle.path / "tokenizer")
+    embeddings, start = learn(read_pictures(images), networks, tokenizer, steps)
+    save(token, "mine", embeddings)
+    return start
+
+
+def compare(noun: str, judged: Judge) -> tuple[list[tuple[str, np.ndarray]], dict[str, Any]]:
+    """Learn a token for the noun's held-out object and make both scenes; return a row of views each (the
+    object's, with the token, without), and the figures.
+    """
+    bundle, work = scenes.model(), scenes.WORK / "learn-token" / noun
+    entry = split_entries(CATALOGUE)[1][noun][0]
     model = load_model(entry)
     images = work / "images"
     images.mkdir(parents=True, exist_ok=True)
@@ -57,27 +69,33 @@ def main(folder: Path) -> dict[str, Any]:
         camera = orbit_camera(np.radians(degrees), np.radians(75), 2.5, np.radians(40))
         Image.fromarray(shown(model, camera)).save(images / f"{name}.png")
     token = work / "mine.safetensors"
-    if not token.exists():
-        tokenizer = load_tokenizer(bundle.path / "tokenizer")
-        steps = 2 if scenes.TINY else STEPS
-        embeddings, start = learn(read_pictures(images), restore_networks(bundle.path), tokenizer, steps)
-        save(token, "mine", embeddings)
-        (work / "start.txt").write_text(start, encoding="utf-8")
+    start = teach(images, token, bundle)
     cameras = ring(scenes.VIEWS, np.radians(75), 2.5, np.radians(40))
     truth = np.stack([shown(model, camera) for camera in cameras])
-    rows, figures = [(f"{entry.name} ({entry.key})", truth[::2])], {}
+    rows, figures = [(f"{entry.name} ({entry.key})", truth[::2])], dict[str, Any]()
     for name, asked in {"with": {"prompt": "a <mine>", "token": str(token)}, "without": {}}.items():
         place = work / name
-        job = scenes.make_job(f"a {NOUN}", place, asked)
+        job = scenes.make_job(f"a {noun}", place, asked)
         scenes.train(job, place, {"token0": token} if job.token else {})
         with scenes.open_decoder() as decode:
             looks = scenes.look(place / "field.npz", decode)
         figures[f"distance_{name}"] = distance(judged, looks.pictures.astype(np.float32), truth)
         rows.append((f"{job.prompt}: {figures[f'distance_{name}']:.3f}", scenes.strip(looks)))
-    scenes.contact_sheet(folder / "learn-token.png", rows, 1)
-    start = (work / "start.txt").read_text(encoding="utf-8")
+    return rows, {"object": entry.key, "started_from": start, **figures}
+
+
+def main(folder: Path) -> dict[str, Any]:
+    """Compare for every object; write a sheet, an object a column, and the figures' means."""
+    judged = scenes.judge()
+    rows, figures = zip(*(compare(noun, judged) for noun in OBJECTS), strict=True)
+    by_place = [row for place in zip(*rows, strict=True) for row in place]
+    scenes.contact_sheet(folder / "learn-token.png", by_place, len(OBJECTS))
+    names = ("distance_with", "distance_without")
     return {
-        "summary": {k: round(v, 4) for k, v in figures.items()},
-        "object": entry.key,
-        "started_from": start,
+        "summary": {
+            **{name: round(float(np.mean([f[name] for f in figures])), 4) for name in names},
+            "closer_with": sum(f["distance_with"] < f["distance_without"] for f in figures),
+            "objects": len(OBJECTS),
+        },
+        "by_object": dict(zip(OBJECTS, figures, strict=True)),
     }

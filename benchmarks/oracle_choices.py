@@ -15,8 +15,8 @@ from benchmarks.oracle import CACHE, COSTS, ERRORS, SCENES, mean_row, measure, t
 CHOICES: dict[str, dict[str, Any]] = {
     "draft": {},
     "rates x 2": {"learning_rate": 2e-3, "grid_learning_rate": 2e-2},
-    "2 views a step, twice the steps": {"cameras_per_step": 2, "steps": 220},
-    "8 views a step, half the steps": {"cameras_per_step": 8, "steps": 55},
+    "2 views a step, twice the steps": {"cameras_per_step": 2, "steps": 200},
+    "8 views a step, half the steps": {"cameras_per_step": 8, "steps": 50},
     "no annealing": {"timestep_max_end": 0.98},
     "32 samples a ray": {"samples_per_ray": 32},
     "half the resolution, first half": {"coarse_share": 0.5},

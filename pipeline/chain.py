@@ -16,6 +16,16 @@ class Link:
     outputs: dict[str, str]
 
 
+def stages_of(job: Job) -> list[str]:
+    """Return the stages of a job's chain in their order, without asking Snakemake, which takes a second."""
+    if job.mesh:
+        refine = ["refine_paint"] if job.refine else []
+        return ["embed", "prepare", "train_paint", "bake_paint", *refine, "publish_paint", "report"]
+    sketch, refine = ["sketch"] if job.sketch else [], ["refine"] if job.refine else []
+    meshing = ["extract", "clean", "unwrap", "bake", "publish", "report"]
+    return ["embed", *sketch, "train_nerf", *refine, *meshing]
+
+
 def snakefile(job: Job) -> Path:
     """Return the file with the rules for a job: painting a given mesh, or making one."""
     return Path(__file__).with_name("Snakefile.paint" if job.mesh else "Snakefile")

@@ -19,7 +19,7 @@ from typing import NoReturn
 
 from pipeline import job as jobs
 from pipeline import provenance
-from pipeline.chain import read_chain, snakefile, snakemake_config
+from pipeline.chain import read_chain, snakefile, snakemake_config, stages_of
 from pipeline.diffusion.bundle import OPTIONAL_GRAPHS, REQUIRED_GRAPHS, Bundle, open_bundle
 from pipeline.errors import InputError
 from pipeline.estimate import Cost, available_memory_mb, estimate
@@ -29,7 +29,7 @@ from pipeline.options import read_yaml
 from pipeline.plan import Step, make_plan
 from pipeline.progress import duration, say
 from pipeline.stage import FOLLOW_PARENT, die_with_parent
-from pipeline.warm import ADDRESS
+from pipeline.warm import ADDRESS, COLD
 
 PROFILES = Path(__file__).with_name("profiles")
 RESULTS = ("asset.glb", "report.html")
@@ -63,7 +63,7 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
     run = out / jobs.run_name(job)
     open_bundle(folder, verify=not run.exists())  # before anything is written
     settings = _profile(profile)
-    with _user_view_of_os_errors(), _locked(run), _warm(run, settings, threads) as variables:
+    with _user_view_of_os_errors(), _locked(run), _warm(job, run, settings, threads) as variables:
         _point_latest(run)
         steps = make_plan(job, run, read_chain(job, run))
         if all(step.verdict == "unchanged" for step in steps):
@@ -213,7 +213,7 @@ def _runs_here(profile: Path) -> bool:
 
 
 @contextlib.contextmanager
-def _warm(run: Path, profile: Path, threads: int) -> Iterator[dict[str, str]]:
+def _warm(job: Job, run: Path, profile: Path, threads: int) -> Iterator[dict[str, str]]:
     """Have `pipeline.warm` serve stages meanwhile; give the environment to call them in."""
     variables = environment(threads, os.environ)
     cold = {name: value for name, value in variables.items() if name != ADDRESS}
@@ -221,11 +221,12 @@ def _warm(run: Path, profile: Path, threads: int) -> Iterator[dict[str, str]]:
     if not _runs_here(profile) or sys.platform != "linux":
         yield cold
         return
+    served = [stage for stage in stages_of(job) if stage not in COLD]
     address = run / ".warm"
     address.unlink(missing_ok=True)
     server = subprocess.Popen(
         # Both ends name the socket from inside the run's folder: a longer path may not fit its address.
-        [sys.executable, "-m", "pipeline.warm", "--serve", address.name, *jobs.STAGE_OPTIONS],
+        [sys.executable, "-m", "pipeline.warm", "--serve", address.name, *served],
         cwd=run,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,

@@ -73,7 +73,7 @@ class Job:
 
 QUALITY: dict[str, dict[str, dict[str, Any]]] = {
     "draft": {
-        "train_nerf": {"steps": 110, "samples_per_ray": 48},
+        "train_nerf": {"steps": 100, "samples_per_ray": 48},
         "refinement": {"fit_steps": 30, "steps": 50},
         "extract": {"resolution": 96, "views": 12},
         "clean": {"faces": 8_000},
@@ -82,7 +82,7 @@ QUALITY: dict[str, dict[str, dict[str, Any]]] = {
         "prepare": {"resolution": 512},
         "train_paint": {"steps": 60},
         "bake_paint": {"views": 12, "texture": 512},
-        "publish": {"turntable_frames": 36},
+        "publish": {"turntable_frames": 24},
     },
     "standard": {},
     "high": {

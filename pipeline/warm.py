@@ -25,6 +25,9 @@ from typing import Any, NoReturn
 
 ADDRESS = "PIPELINE_WARM"
 """Environment variable with the path of the server's socket."""
+COLD = ("embed",)
+"""Stages that start by themselves: the first one, which needs neither torch nor numba, would otherwise wait
+until the server has imported these for the second."""
 LATE = ("trimesh", "skimage.measure")
 """What stages import as they go along."""
 TICK = 0.02
@@ -33,11 +36,13 @@ TICK = 0.02
 
 def call(name: str, arguments: Sequence[str]) -> int:
     """Run a stage in a fork of the server, or in this process's place; return its exit status."""
+    if name in COLD:
+        _replace_by(name, arguments)
     with socket.socket(socket.AF_UNIX) as connection:
         try:
             connection.connect(os.environ[ADDRESS])
         except (KeyError, OSError):
-            os.execv(sys.executable, [sys.executable, "-m", f"pipeline.stages.{name}", *arguments])
+            _replace_by(name, arguments)
         request = {"stage": name, "arguments": arguments, "folder": os.getcwd()}
         message = json.dumps({**request, "environment": dict(os.environ)}).encode()
         socket.send_fds(connection, [len(message).to_bytes(8, "big")], [0, 1, 2])
@@ -48,6 +53,11 @@ def call(name: str, arguments: Sequence[str]) -> int:
                 return 1
         answer = connection.recv(1)
     return answer[0] if answer else 1
+
+
+def _replace_by(name: str, arguments: Sequence[str]) -> NoReturn:
+    """Become the stage, in a process that has imported nothing."""
+    os.execv(sys.executable, [sys.executable, "-m", f"pipeline.stages.{name}", *arguments])
 
 
 def serve(address: Path, stages: Sequence[str]) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from pipeline import provenance
 from pipeline.asset_options import Bake, Clean, Extract
-from pipeline.chain import Link, read_chain
+from pipeline.chain import Link, read_chain, stages_of
 from pipeline.estimate import estimate
 from pipeline.files import file_sha256
 from pipeline.job import STAGE_OPTIONS, Job, stage_options
@@ -149,6 +149,19 @@ def test_refinement_is_a_stage_and_the_rest_works_on_what_it_makes(tmp_path: Pat
     assert "vae_decoder" not in links["bake"].inputs
     assert links["report"].inputs["refine"] == "stages/refine.json"
     assert "vae_encoder_vjp" not in links["embed"].inputs
+
+
+@pytest.mark.parametrize("refine", [False, True])
+@pytest.mark.parametrize("given", ["", "sketch", "mesh"])
+def test_the_stages_are_known_without_asking_snakemake(tmp_path: Path, given: str, refine: bool) -> None:
+    for name in ("vae_encoder", "vae_encoder_vjp"):
+        (tmp_path / "model" / name).mkdir(parents=True)
+    mesh = tmp_path / "a.obj"
+    mesh.write_text("")
+    job = Job(
+        prompt="x", model=str(tmp_path / "model"), refine=refine, **({given: str(mesh)} if given else {})
+    )
+    assert stages_of(job) == [link.stage for link in read_chain(job, tmp_path / "runs" / "x")]
 
 
 def test_estimates_grow_with_the_work() -> None:

@@ -16,7 +16,7 @@ from pipeline.scene.scene import load_scene
 from pipeline.scene.silhouettes import comparison_cameras, mean_iou, opacity_masks, silhouettes
 from pipeline.stage import Context, Progress, execute
 
-COMPARED_VIEWS, COMPARED_SIZE = 24, 96
+COMPARED_SIZE = 96
 PIXELS_PER_LATENT = 2
 """A refined scene is rendered this much finer than a latent one: there is no decoder to add detail."""
 
@@ -50,7 +50,7 @@ def main(context: Context) -> None:
     margin = MARGIN * len(pictures[0]) / resolution
     texture, figures = bake_texture(mesh, cameras, pictures, options.texture, margin)
 
-    compared = comparison_cameras(COMPARED_VIEWS)
+    compared = comparison_cameras(options.views)
     seen = render_views(scene, compared, COMPARED_SIZE, np.zeros(4, np.float32))
     opaque, _ = opacity_masks(seen.opacity)
     context.metrics.update(
