@@ -32,7 +32,7 @@ class Size(NamedTuple):
     samples: tuple[int, ...] = (32, 64, 128)
     steps: int = 100
     """Training steps of the scenes for skipping: a draft."""
-    rounds: int = 7
+    rounds: int = 5
     scaling_rounds: int = 3
     """For the times against rays and samples."""
 

@@ -8,7 +8,7 @@ clock; `processor_speedup` compares processor time, which other work on the mach
 `speedup_skipping` is that of rendering and backward with empty cells and hidden samples skipped, in scenes
 learned from ideal denoisers, against plain torch that evaluates every sample in the box; `psnr_drop_db` what
 the skipping changes in their views against the truth (the worst scene). Then the time of a step against rays,
-samples a ray and threads. ROUNDS=7 unless said otherwise, the scaling in 3.
+samples a ray and threads. ROUNDS=5 unless said otherwise, the scaling in 3.
 """
 
 import os
