@@ -16,8 +16,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from pipeline.kernels import activation, parallel
 from pipeline.kernels import hashgrid as kernels
-from pipeline.kernels import parallel
 from pipeline.scene import hashgrid
 
 # Work is divided into blocks of points by `parallel`. A pool of torch's own would spin against its threads,
@@ -27,13 +27,13 @@ torch.set_num_threads(1)
 LATENT_CHANNELS = 4
 _HIDDEN = 64
 _BLOCK = 2048
-"""Points that go through the network together: what a block needs stays in the cache."""
+"""Points that go through the network together, at most: what a block needs stays in the cache."""
 _MAX_EXPONENT = 15.0
 """Log densities are clamped here, and their gradient too (torch-ngp's trunc_exp): exp(15) is 3e6."""
 
 
-_ENCODED_BLOCK = 4 * _BLOCK
-"""Points encoded together: many, because a level's table should stay in the cache while they pass."""
+_ENCODED_BLOCK = 1024
+"""Points encoded together, at least."""
 
 
 class FieldShape(NamedTuple):
@@ -99,21 +99,34 @@ class LatentField(nn.Module):
         density, latents = torch.empty(count), torch.empty(count, LATENT_CHANNELS)
         table, weight1, bias1, weight2, bias2, weight3, bias3 = (p.detach() for p in self.parameters())
 
+        shape = self.shape
+        constants = np.array(
+            [
+                shape.blob_density,
+                -0.5 / shape.blob_radius**2,
+                shape.density_bias,
+                self.sharpening,
+                _MAX_EXPONENT,
+            ],
+            np.float32,
+        )
+        places, dense, shown = points.numpy(), density.numpy(), latents.numpy()
+
         def work(first: int, last: int) -> None:
             torch.set_num_threads(1)
             for rows in _blocks(first, last, count):
-                torch.addmm(bias1, features[rows], weight1.T, out=hidden1[rows]).relu_()
-                torch.addmm(bias2, hidden1[rows], weight2.T, out=hidden2[rows]).relu_()
-                raw = torch.addmm(bias3, hidden2[rows], weight3.T)
-                logarithm = raw[:, 0] + self._bias(points[rows])
-                torch.exp(logarithm.clamp_(max=_MAX_EXPONENT), out=density[rows]).mul_(self.sharpening)
-                latents[rows] = raw[:, 1:]
+                torch.mm(features[rows], weight1.T, out=hidden1[rows])
+                activation.relu(hidden1[rows].numpy(), bias1.numpy())
+                torch.mm(hidden1[rows], weight2.T, out=hidden2[rows])
+                activation.relu(hidden2[rows].numpy(), bias2.numpy())
+                output = torch.addmm(bias3, hidden2[rows], weight3.T).numpy()
+                activation.activate(output, places[rows], constants, dense[rows], shown[rows])
 
         active = self.active_levels
         features[:, hashgrid.FEATURES * active :] = 0
-        levels = (points.numpy(), table.numpy(), self.grid.resolutions[:active], self.grid.offsets)
+        levels = (places, table.numpy(), self.grid.resolutions[:active], self.grid.offsets)
         parallel.run(kernels.encode, count, *levels, features.numpy(), block=_ENCODED_BLOCK)
-        parallel.run(work, -(-count // _BLOCK))
+        parallel.run(work, _pieces(count))
         return Segment(points, features, hidden1, hidden2, density, latents, memory)
 
     def _memory(self, size: int) -> Float[Tensor, " m"]:
@@ -134,12 +147,6 @@ class LatentField(nn.Module):
         density, latents = _Attach.apply(self, segments, *parameters)
         return density, latents
 
-    def _bias(self, points: Float[Tensor, "k 3"]) -> Float[Tensor, " k"]:
-        shape = self.shape
-        squared = points.square().sum(-1)
-        blob = torch.exp(squared * (-0.5 / shape.blob_radius**2))
-        return blob.mul_(shape.blob_density).add_(shape.density_bias)
-
     def _accumulate(
         self,
         segment: Segment,
@@ -152,43 +159,52 @@ class LatentField(nn.Module):
         The gradient of the features takes their place.
         """
         count = len(segment.points)
-        lowest = self.sharpening * float(np.exp(-_MAX_EXPONENT))
+        lowest = np.float32(self.sharpening * np.exp(-_MAX_EXPONENT))
+        by_density, by_latents = density_gradient.contiguous().numpy(), latent_gradient.contiguous().numpy()
+        density = segment.density.numpy()
         weight1, weight2, weight3 = self.weight1.detach(), self.weight2.detach(), self.weight3.detach()
         layers = {n: g for n, g in gradients.items() if n != "table"}
-        shares = {n: torch.empty(-(-count // _BLOCK), *g.shape) for n, g in layers.items()}
+        shares = {n: torch.empty(_pieces(count), *g.shape) for n, g in layers.items()}
 
         def work(first: int, last: int) -> None:
             torch.set_num_threads(1)
             for block, rows in enumerate(_blocks(first, last, count), first):
                 share = {name: values[block] for name, values in shares.items()}
                 output = torch.empty(rows.stop - rows.start, 1 + LATENT_CHANNELS)
-                torch.mul(density_gradient[rows], segment.density[rows].clamp(min=lowest), out=output[:, 0])
-                output[:, 1:] = latent_gradient[rows]
+                activation.activate_backward(
+                    by_density[rows], by_latents[rows], density[rows], lowest, output.numpy()
+                )
                 torch.mm(output.T, segment.hidden2[rows], out=share["weight3"])
                 torch.sum(output, 0, out=share["bias3"])
-                hidden = _relu_gradient(output @ weight3, segment.hidden2[rows])
+                hidden = output @ weight3
+                sums = share["bias2"].numpy()
+                activation.relu_backward(hidden.numpy(), segment.hidden2[rows].numpy(), sums)
                 torch.mm(hidden.T, segment.hidden1[rows], out=share["weight2"])
-                torch.sum(hidden, 0, out=share["bias2"])
-                hidden = _relu_gradient(hidden @ weight2, segment.hidden1[rows])
+                hidden = hidden @ weight2
+                sums = share["bias1"].numpy()
+                activation.relu_backward(hidden.numpy(), segment.hidden1[rows].numpy(), sums)
                 torch.mm(hidden.T, segment.features[rows], out=share["weight1"])
-                torch.sum(hidden, 0, out=share["bias1"])
                 torch.mm(hidden, weight1, out=segment.features[rows])
 
-        parallel.run(work, -(-count // _BLOCK))
+        parallel.run(work, _pieces(count))
         for name, gradient in layers.items():
             gradient += shares[name].sum(0)
         levels = (segment.points.numpy(), segment.features.numpy(), *self.grid, gradients["table"].numpy())
         parallel.run(kernels.encode_backward, self.active_levels, *levels)
 
 
+def _pieces(count: int) -> int:
+    """Return the number of blocks of `count` points: even, so that two threads have as much to do each. It
+    does not depend on the number of threads, and neither does the order of sums.
+    """
+    return 2 * -(-count // (2 * _BLOCK)) if count > _BLOCK // 2 else min(count, 1)
+
+
 def _blocks(first: int, last: int, count: int) -> Iterator[slice]:
     """Yield the rows of blocks `first` to `last` of `count` points."""
+    size = -(-count // _pieces(count))
     for block in range(first, last):
-        yield slice(block * _BLOCK, min((block + 1) * _BLOCK, count))
-
-
-def _relu_gradient(gradient: Float[Tensor, "k h"], output: Float[Tensor, "k h"]) -> Float[Tensor, "k h"]:
-    return torch.ops.aten.threshold_backward(gradient, output, 0)
+        yield slice(min(block * size, count), min((block + 1) * size, count))
 
 
 class _Attach(torch.autograd.Function):
