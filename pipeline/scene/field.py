@@ -100,16 +100,9 @@ class LatentField(nn.Module):
         table, weight1, bias1, weight2, bias2, weight3, bias3 = (p.detach() for p in self.parameters())
 
         shape = self.shape
-        constants = np.array(
-            [
-                shape.blob_density,
-                -0.5 / shape.blob_radius**2,
-                shape.density_bias,
-                self.sharpening,
-                _MAX_EXPONENT,
-            ],
-            np.float32,
-        )
+        falloff = -0.5 / shape.blob_radius**2
+        by_place = (shape.blob_density, falloff, shape.density_bias)
+        constants = np.array([*by_place, self.sharpening, _MAX_EXPONENT], np.float32)
         places, dense, shown = points.numpy(), density.numpy(), latents.numpy()
 
         def work(first: int, last: int) -> None:
