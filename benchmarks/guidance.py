@@ -6,9 +6,10 @@
 `front_from_behind`: two faces. The denoiser itself says whether a view from behind looks more like "front
 view" than "back view": noise is added to the rendered latents, and the text under which it is removed better
 has the vote (Li et al. 2023, a diffusion model is a zero-shot classifier); the share of votes for the front.
-`saturation`: mean HSV saturation of the object. `seconds`: of a step, the median, over that of the base.
+`saturation`: mean HSV saturation of the object. `seconds`: of a step, relative to the base, see `paces`.
 """
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,8 @@ from pipeline.scene.rendering import render_views
 from pipeline.scene.scene import load_scene
 
 PROMPT_COUNT = 4
+ROUNDS, PACED_STEPS = 3, 12
+"""Short trainings of every option that tell how long a step takes."""
 NOISE_LEVELS, DRAWS = (400, 550, 700), 4
 BEHIND = np.radians([150.0, 180.0, 210.0])
 OPTIONS: dict[str, dict[str, Any]] = {
@@ -83,9 +86,24 @@ def judged(prompt: str, name: str) -> tuple[dict[str, Any], np.ndarray]:
         "rank": scenes.rank(judge, looks, prompt),
         "front_from_behind": front_from_behind(work / "field.npz", load_embeddings(work / "embeddings.npz")),
         "saturation": scenes.saturation(looks),
-        "seconds": scenes.step_seconds(work / "training.json"),
     }
     return row, scenes.strip(looks)
+
+
+def paces(prompt: str) -> dict[str, float]:
+    """Return the time of a step with every option, relative to the first of them: short trainings in turn,
+    medians, with all threads and nothing else going on.
+    """
+    taken: dict[str, list[float]] = {name: [] for name in OPTIONS}
+    for turn in range(ROUNDS):
+        for name, options in OPTIONS.items():
+            work = scenes.WORK / "guidance" / "paces" / f"{name}-{turn}".replace(" ", "-")
+            shutil.rmtree(work, ignore_errors=True)
+            job = scenes.make_job(prompt, work, {"train_nerf": {**options, "steps": PACED_STEPS}})
+            scenes.train(job, work)
+            taken[name].append(scenes.step_seconds(work / "training.json", PACED_STEPS // 3))
+    base = float(np.median(next(iter(taken.values()))))
+    return {name: float(np.median(seconds)) / base for name, seconds in taken.items()}
 
 
 def main(folder: Path) -> dict[str, Any]:
@@ -96,9 +114,8 @@ def main(folder: Path) -> dict[str, Any]:
     pictures = [(f"{row['prompt']}: {row['option']}", strip) for row, strip in results]
     scenes.contact_sheet(folder / "guidance.png", pictures, len(OPTIONS))
     table = {name: figures([r for r in rows if r["option"] == name]) for name in OPTIONS}
-    base = table["base"]["seconds"]
-    for row in table.values():
-        row["seconds"] = round(row["seconds"] / base, 3)
+    for name, pace in paces(calls[0][0]).items():
+        table[name]["seconds"] = round(pace, 3)
     heads = list(table["base"])
     lines = [(name, *(row[head] for head in heads)) for name, row in table.items()]
     (folder / "guidance.md").write_text(markdown(("option", *heads), lines), encoding="utf-8")
@@ -107,6 +124,6 @@ def main(folder: Path) -> dict[str, Any]:
 
 def figures(rows: list[dict[str, Any]]) -> dict[str, float]:
     """Return the means over prompts."""
-    names = ("agreement", "front_from_behind", "saturation", "seconds")
+    names = ("agreement", "front_from_behind", "saturation")
     mean = {name: float(np.mean([row[name] for row in rows])) for name in names}
     return rounded({**mean, "noun_top5": float(np.mean([row["rank"] <= 5 for row in rows]))})
