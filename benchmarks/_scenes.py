@@ -90,7 +90,7 @@ def stage(
     bundle, done = model().path, folder / f"{name}.json"
     read = [file_sha256(path) for path in (bundle / "bundle.json", *(given or {}).values())]
     asked = [repr(job), *read]
-    if done.exists() and (stored := json.loads(done.read_text(encoding="utf-8")))["asked"] == asked:
+    if done.exists() and (stored := json.loads(done.read_text(encoding="utf-8"))).get("asked") == asked:
         return dict(stored["metrics"])
     graphs = {entry.name: entry for entry in bundle.iterdir() if entry.is_dir()}
     made = {"embeddings": folder / "embeddings.npz", "scene": folder / "field.npz"}
