@@ -38,7 +38,7 @@ bench: .venv/.dev
 learn-token: .venv/.dev
 	@$(IN_VENV) -m export.everyday_objects.learn_token
 
-# The bundled model from nothing: about twenty hours of a core; each step goes on where it was stopped.
+# The bundled model from nothing: more than a day of one core; each step goes on where it was stopped.
 default-model: .venv/.dev
 	$(IN_VENV) -m export.everyday_objects.dataset build/everyday --shards 12
 	$(IN_VENV) -m export.everyday_objects.train_autoencoder build/everyday --steps 4200

@@ -23,8 +23,8 @@ RESULTS, README = HERE / "results", HERE.parent / "README.md"
 BY_NAME = {
     "default-model": "50 min",
     "guidance": "20 min",
-    "latent-vs-rgb": "15 min",
-    "learn-token": "12 min",
+    "latent-vs-rgb": "7 min",
+    "learn-token": "22 min",
     "oracle-choices": "7 min",
     "paint": "15 min",
     "refine": "15 min",

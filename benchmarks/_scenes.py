@@ -20,10 +20,11 @@ from scipy.ndimage import binary_erosion
 from benchmarks.default_model import contact_sheet, kind_and_colour
 from export.everyday_objects.judge import Judge, judge_images, load_judge
 from export.everyday_objects.train_judge import JUDGE
+from pipeline import provenance
 from pipeline.diffusion.bundle import Bundle, open_bundle
 from pipeline.diffusion.sessions import Decode, vae_decoder
 from pipeline.files import file_sha256
-from pipeline.job import Job, bundle_folder, resolve
+from pipeline.job import Job, bundle_folder, resolve, stage_options
 from pipeline.scene.baking import decoded_views
 from pipeline.scene.cameras import ring
 from pipeline.scene.refining import render_rgb
@@ -81,15 +82,18 @@ def stage(
     folder: Path,
     files: dict[str, str],
     given: Mapping[str, Path] | None = None,
+    reads: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """Run a stage's main in `folder` unless its figures are there for this very job, bundle and given files;
-    return the figures.
+    """Run a stage's main in `folder` unless its figures are there for this very source, options, bundle and
+    files; return the figures.
 
-    `files`: outputs by their names; inputs are the bundle's folders and what earlier stages wrote.
+    `files`: outputs by their names; inputs are the bundle's folders, what is `given`, and what earlier stages
+    wrote, of which the stage `reads` these files.
     """
     bundle, done = model().path, folder / f"{name}.json"
-    read = [file_sha256(path) for path in (bundle / "bundle.json", *(given or {}).values())]
-    asked = [repr(job), *read]
+    sources = [bundle / "bundle.json", *(given or {}).values(), *(folder / file for file in reads)]
+    inputs = {str(path): file_sha256(path) for path in sources}
+    asked = provenance.key(stage_options(job, name), f"pipeline.stages.{name}", inputs)
     if done.exists() and (stored := json.loads(done.read_text(encoding="utf-8"))).get("asked") == asked:
         return dict(stored["metrics"])
     graphs = {entry.name: entry for entry in bundle.iterdir() if entry.is_dir()}
@@ -108,14 +112,14 @@ def stage(
 def train(job: Job, folder: Path, given: Mapping[str, Path] | None = None) -> dict[str, Any]:
     """Embed and train a latent scene: field.npz, training.json; `given`: files of the user, for `embed`."""
     stage("embed", embed.main, job, folder, {"embeddings": "embeddings.npz"}, given)
-    return stage(
-        "train_nerf", train_nerf.main, job, folder, {"scene": "field.npz", "history": "training.json"}
-    )
+    files = {"scene": "field.npz", "history": "training.json"}
+    return stage("train_nerf", train_nerf.main, job, folder, files, reads=("embeddings.npz",))
 
 
 def refined(job: Job, folder: Path) -> dict[str, Any]:
     """Refine the scene of `train`: field_rgb.npz, refinement.json."""
-    return stage("refine", refine.main, job, folder, {"scene": "field_rgb.npz", "history": "refinement.json"})
+    files = {"scene": "field_rgb.npz", "history": "refinement.json"}
+    return stage("refine", refine.main, job, folder, files, reads=("embeddings.npz", "field.npz"))
 
 
 def look(path: Path, decode: Decode | None = None) -> Looks:

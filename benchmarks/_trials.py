@@ -206,7 +206,8 @@ def _truths() -> dict[str, Truth]:
 
 def _place(trial: Trial, cache: Path) -> Path:
     """Return the file of a trial's result, named after everything that it depends on."""
-    source, _ = provenance.code(f"pipeline.stages.train_{'paint' if trial.name == 'paint' else 'nerf'}")
+    stages = ("train_paint", "prepare") if trial.name == "paint" else ("train_nerf", "extract")
+    source = [provenance.code(f"pipeline.stages.{stage}")[0] for stage in stages]
     own = [
         Path(__file__).with_name(f"_{name}.py").read_bytes().hex() for name in ("ideal", "truths", "trials")
     ]

@@ -24,12 +24,13 @@ from pipeline.diffusion.guidance import Embeddings, load_embeddings
 from pipeline.diffusion.prompts import view_index
 from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.sessions import denoiser
+from pipeline.progress import Progress
 from pipeline.scene.cameras import orbit_camera
 from pipeline.scene.rendering import render_views
 from pipeline.scene.scene import load_scene
 
 PROMPT_COUNT = 4
-ROUNDS, PACED_STEPS = 3, 12
+ROUNDS, PACED_STEPS = 7, 12
 """Short trainings of every option that tell how long a step takes."""
 NOISE_LEVELS, DRAWS = (400, 550, 700), 4
 BEHIND = np.radians([150.0, 180.0, 210.0])
@@ -92,18 +93,20 @@ def judged(prompt: str, name: str) -> tuple[dict[str, Any], np.ndarray]:
 
 def paces(prompt: str) -> dict[str, float]:
     """Return the time of a step with every option, relative to the first of them: short trainings in turn,
-    medians, with all threads and nothing else going on.
+    with all threads and nothing else going on; the median over rounds of what each took of its own round's.
     """
     taken: dict[str, list[float]] = {name: [] for name in OPTIONS}
-    for turn in range(ROUNDS):
-        for name, options in OPTIONS.items():
-            work = scenes.WORK / "guidance" / "paces" / f"{name}-{turn}".replace(" ", "-")
-            shutil.rmtree(work, ignore_errors=True)
-            job = scenes.make_job(prompt, work, {"train_nerf": {**options, "steps": PACED_STEPS}})
-            scenes.train(job, work)
-            taken[name].append(scenes.step_seconds(work / "training.json", PACED_STEPS // 3))
-    base = float(np.median(next(iter(taken.values()))))
-    return {name: float(np.median(seconds)) / base for name, seconds in taken.items()}
+    with Progress("paces", ROUNDS * len(OPTIONS)) as progress:
+        for turn in range(ROUNDS):
+            for name, options in OPTIONS.items():
+                work = scenes.WORK / "guidance" / "paces" / f"{name}-{turn}".replace(" ", "-")
+                shutil.rmtree(work, ignore_errors=True)
+                job = scenes.make_job(prompt, work, {"train_nerf": {**options, "steps": PACED_STEPS}})
+                scenes.train(job, work)
+                taken[name].append(scenes.step_seconds(work / "training.json", PACED_STEPS // 3))
+                progress.update(sum(map(len, taken.values())))
+    base = np.array(next(iter(taken.values())))
+    return {name: float(np.median(np.array(seconds) / base)) for name, seconds in taken.items()}
 
 
 def main(folder: Path) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from pathlib import Path
 from types import FrameType
 
 from pipeline.errors import InputError
+from pipeline.files import refusal
 from pipeline.job import MODELS
 
 CHOICES = {
@@ -65,6 +66,11 @@ def main(environment: Mapping[str, str], models: Path = MODELS) -> int:
     except (InputError, ValueError, NotImplementedError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2 if isinstance(error, InputError) else 1
+    except OSError as error:
+        if refused := refusal(error):
+            print(f"error: {refused}", file=sys.stderr)
+            return 2
+        raise
     except KeyboardInterrupt:
         print("stopped; nothing was installed", file=sys.stderr)
         return 130

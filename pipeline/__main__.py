@@ -14,6 +14,7 @@ from pathlib import Path
 from pipeline import engine
 from pipeline import job as jobs
 from pipeline.errors import InputError
+from pipeline.files import refusal
 from pipeline.options import describe
 from pipeline.progress import duration
 from pipeline.verify import verify
@@ -31,11 +32,16 @@ def main(arguments: list[str], environment: Mapping[str, str]) -> int:
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    except OSError as error:
+        if isinstance(error, BrokenPipeError):  # the reader of the output, head for one, has had enough
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return 1
+        if refused := refusal(error):
+            print(f"error: {refused}", file=sys.stderr)
+            return 2
+        raise
     except engine.StageFailure as error:
         print(f"error: {error}", file=sys.stderr)
-        return 1
-    except BrokenPipeError:  # the reader of the output, head for one, has had enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except KeyboardInterrupt:
         print("stopped; the same command goes on from here", file=sys.stderr)
@@ -63,7 +69,9 @@ def _plan(environment: Mapping[str, str]) -> int:
     costs = [cost for step, cost in planned if step.verdict == "run"]
     if costs:
         total, peak = sum(cost.seconds for cost in costs), max(cost.memory_mb for cost in costs)
-        print(f"about {duration(total)} and {peak:.0f} MB of memory on two cores; nothing was run or written")
+        print(
+            f"about {duration(total)} and {peak:.0f} MB of memory on this machine; nothing was run or written"
+        )
     else:
         print("nothing would run")
     return 0

@@ -56,7 +56,7 @@ class Bake:
     view_resolution: int = option(
         0, "side of a rendered view [latent pixels]; 0: the bundle's latent size, doubled up to 64", 0, 512
     )
-    texture: int = option(1024, "side of the texture [texels], a power of two", 64, 16_384)
+    texture: int = option(1024, "side of the texture [texels], a power of two", 64, 8192)
 
     def __post_init__(self) -> None:
         check(self)

@@ -22,7 +22,7 @@ from pipeline import provenance
 from pipeline.chain import read_chain, snakefile, snakemake_config, stages_of
 from pipeline.diffusion.bundle import OPTIONAL_GRAPHS, REQUIRED_GRAPHS, Bundle, open_bundle
 from pipeline.errors import InputError
-from pipeline.estimate import Cost, available_memory_mb, estimate
+from pipeline.estimate import Cost, available_memory_mb, estimate, machine_pace
 from pipeline.files import refusal, write_text
 from pipeline.job import Job
 from pipeline.options import read_yaml
@@ -49,7 +49,7 @@ def plan_run(job: Job, out: Path) -> list[tuple[Step, Cost]]:
     """
     run, folder = out / jobs.run_name(job), jobs.bundle_folder(job.model)
     bundle = open_bundle(folder)
-    return _priced(job, bundle, make_plan(job, run, read_chain(job, run)))
+    return _priced(job, bundle, make_plan(job, run, read_chain(job, run)), machine_pace())
 
 
 def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
@@ -62,15 +62,19 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
     folder = jobs.bundle_folder(job.model)
     run = out / jobs.run_name(job)
     open_bundle(folder, verify=not run.exists())  # before anything is written
+    pace = machine_pace()  # before anything else is going on
     settings = _profile(profile)
     with _user_view_of_os_errors(), _locked(run), _warm(job, run, settings, threads) as variables:
         _point_latest(run)
         steps = make_plan(job, run, read_chain(job, run))
+        described = jobs.to_yaml(job)
         if all(step.verdict == "unchanged" for step in steps):
+            if not (run / "job.yaml").is_file() or (run / "job.yaml").read_bytes() != described.encode():
+                write_text(run / "job.yaml", described)
             say(f"nothing to do: every file of {run} is as it was made")
             return run
-        _check_room(run, _priced(job, open_bundle(folder), steps))
-        write_text(run / "job.yaml", jobs.to_yaml(job))
+        _check_room(run, _priced(job, open_bundle(folder), steps, pace))
+        write_text(run / "job.yaml", described)
         for reason in (run / "stages").glob("*.error"):
             reason.unlink()
         stale = [step.stage for step in steps if step.verdict != "unchanged"]
@@ -101,12 +105,12 @@ def environment(threads: int, base: Mapping[str, str]) -> dict[str, str]:
     }
 
 
-def _priced(job: Job, bundle: Bundle, steps: list[Step]) -> list[tuple[Step, Cost]]:
+def _priced(job: Job, bundle: Bundle, steps: list[Step], pace: float) -> list[tuple[Step, Cost]]:
     graphs = [*REQUIRED_GRAPHS, *OPTIONAL_GRAPHS]
     weights = {
         name: sum(file.stat().st_size for file in (bundle.path / name).rglob("*")) / 2**20 for name in graphs
     }
-    return [(step, estimate(step.stage, job, bundle.latent_size, weights)) for step in steps]
+    return [(step, estimate(step.stage, job, bundle.latent_size, weights, pace)) for step in steps]
 
 
 def _check_room(run: Path, priced: list[tuple[Step, Cost]]) -> None:
@@ -183,7 +187,8 @@ def _become_snakemake(arguments: list[str], log: Path, variables: Mapping[str, s
     try:
         die_with_parent()
         for number in (signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, signal.SIG_DFL)
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, signal.SIG_DFL)
         # A stage's progress is its standard output; the rest is Snakemake's and goes to the log.
         written = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
         nothing = os.open(os.devnull, os.O_RDONLY)
@@ -311,7 +316,8 @@ def _user_view_of_os_errors() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _termination_as_interrupt() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP unwind as Ctrl-C does, so that what was started is stopped."""
+    """Let SIGTERM and SIGHUP unwind as Ctrl-C does, so that what was started is stopped; not if the caller
+    ignores them, as nohup does."""
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt
@@ -319,7 +325,8 @@ def _termination_as_interrupt() -> Iterator[None]:
     former: dict[signal.Signals, Callable[[int, FrameType | None], object] | int | None] = {}
     try:
         for number in (signal.SIGTERM, signal.SIGHUP):
-            former[number] = signal.signal(number, interrupt)
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                former[number] = signal.signal(number, interrupt)
         yield
     finally:
         for number, handler in former.items():

@@ -1,11 +1,14 @@
-"""What a stage will cost, before it runs: seconds and peak memory on two ordinary cores.
+"""What a stage will cost, before it runs: seconds and peak memory.
 
 Each figure is a constant plus the work that the options ask for times a rate, measured with the default
-bundle on two Zen 5 cores.
+bundle on two Zen 5 cores. Other machines: their pace tells.
 """
 
+import time
 from collections.abc import Mapping
 from typing import NamedTuple
+
+import numpy as np
 
 from pipeline.distillation_options import Distillation
 from pipeline.job import Job
@@ -14,7 +17,10 @@ START = 1.5
 """Python, its libraries and, at first, compiled kernels [seconds a stage]."""
 BASE_MB = 450.0
 """Python with torch [MiB]."""
-
+TURNED = 512
+"""Side of the matrices whose product tells a machine's pace."""
+REFERENCE_GFLOPS = 300.0
+"""What the constants are of: chosen so that the denoiser's time is right on two threads of a Zen 3 core."""
 
 HELD = {
     "embed": ("text_encoder", "vae_encoder"),
@@ -24,6 +30,9 @@ HELD = {
     "bake_paint": ("vae_decoder",),
 }
 """The networks that a stage opens, one after the other."""
+_REFINING = ("unet", "vae_encoder", "vae_encoder_vjp", "vae_decoder")
+HELD_TOGETHER = {"refine": _REFINING, "refine_paint": _REFINING}
+"""And those that it opens at once."""
 
 
 class Cost(NamedTuple):
@@ -31,9 +40,26 @@ class Cost(NamedTuple):
     memory_mb: float
 
 
-def estimate(stage: str, job: Job, latent_size: int, weights: Mapping[str, float]) -> Cost:
-    """Return what a stage costs; `weights`: megabytes of each graph's files: memory, and the UNet's pace."""
-    denoiser_megabytes = weights.get("unet", 0.0)
+def machine_pace() -> float:
+    """Return how fast this machine multiplies matrices, relative to the one that the constants are of: the
+    best of some products, in hundredths of a second."""
+    matrix = np.ones((TURNED, TURNED), np.float32)
+    best = np.inf
+    for _ in range(6):
+        began = time.perf_counter()
+        matrix @ matrix
+        best = min(best, time.perf_counter() - began)
+    return 2 * TURNED**3 / best / 1e9 / REFERENCE_GFLOPS
+
+
+def estimate(stage: str, job: Job, latent_size: int, weights: Mapping[str, float], pace: float = 1.0) -> Cost:
+    """Return what a stage costs; `weights`: megabytes of each graph's files: memory, and the UNet's work.
+
+    The denoiser is matrix products and takes 1 / `pace` of the constants' time; the rest, which waits for
+    memory and for one thread, its square root (twice the time where products take 3.6 times).
+    """
+    # Everything is divided by the root below.
+    denoiser_megabytes = weights.get("unet", 0.0) / pace**0.5
     train, views = job.train_nerf, job.bake.view_resolution or max(latent_size, 64)
     side = train.resolution or latent_size
     samples = train.cameras_per_step * side**2 * train.samples_per_ray * (1 - 0.75 * train.coarse_share)
@@ -84,10 +110,11 @@ def estimate(stage: str, job: Job, latent_size: int, weights: Mapping[str, float
         "report": Cost(0.3, 0.0),
     }
     cost = costs[stage]
-    # One network is open at a time. It is in memory twice: the file, and what onnxruntime makes of it (of
-    # weights stored as fp16, their fp32 values: twice the file without it).
-    held = 2 * max((weights.get(name, 0.0) for name in HELD.get(stage, ())), default=0.0)
-    return Cost(START + cost.seconds, BASE_MB + cost.memory_mb + held)
+    # A network is in memory twice: the file, and what onnxruntime makes of it (of weights stored as fp16,
+    # their fp32 values: twice the file without it).
+    held = max((weights.get(name, 0.0) for name in HELD.get(stage, ())), default=0.0)
+    held += sum(weights.get(name, 0.0) for name in HELD_TOGETHER.get(stage, ()))
+    return Cost((START + cost.seconds) / pace**0.5, BASE_MB + cost.memory_mb + 2 * held)
 
 
 def _denoiser_work(options: Distillation, megabytes: float, latent_size: int) -> float:

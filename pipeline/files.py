@@ -12,8 +12,9 @@ REFUSALS = {
     errno.EDQUOT: "the disk quota is used up: free some",
     errno.EFBIG: "the file would exceed the allowed size: raise the limit",
     errno.EROFS: "the file system is read-only: choose another folder with OUT=",
-    errno.EACCES: "permission denied: choose another folder with OUT=",
+    errno.EACCES: "permission denied: make it readable, or choose another folder with OUT=",
     errno.EPERM: "operation not permitted: choose another folder with OUT=",
+    errno.ENAMETOOLONG: "the name is longer than the file system allows: shorten it",
     errno.ENOTDIR: "a file stands where a folder is needed: choose another folder with OUT=",
 }
 

@@ -83,7 +83,12 @@ class Refinement(Distillation):
         "how a picture is told what to become: through the VAE encoder's gradient (where the bundle has "
         "vae_encoder_vjp), or by the picture decoded from the denoised latents",
     )
-    learning_rate: float = option(1e-3, "Adam's rate for the small network and the linear layer", 1e-7, 1)
+    learning_rate: float = option(
+        1e-3,
+        "Adam's rate for the small network and the linear layer (colours on a MESH: 0.002, fixed)",
+        1e-7,
+        1,
+    )
     grid_learning_rate: float = option(5e-3, "Adam's rate for the hash grid", 1e-7, 1)
     shading: float = option(0.0, "share of the steps that see the object lit from a random side", 0, 1)
     ambient: float = option(0.5, "light that comes from everywhere in these steps", 0, 1)

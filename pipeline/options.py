@@ -8,6 +8,7 @@ import dataclasses
 import json
 import math
 import re
+import reprlib
 import typing
 from collections.abc import Mapping
 from pathlib import Path
@@ -69,7 +70,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
     """
     try:
         value = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError) as error:  # a number or date that is none, bytes that are no UTF-8
         raise InputError(f"{path} is not plain YAML: {' '.join(str(error).split())}") from None
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
@@ -99,7 +100,7 @@ def build(kind: type[T], values: Mapping[str, Any], where: str = "", section: st
             raise InputError(f"{prefix}unknown key {name!r}; valid keys: {', '.join(hints)}")
         if dataclasses.is_dataclass(hints[key]):
             if not isinstance(value, Mapping):
-                raise InputError(f"{prefix}{name} is {value!r}, expected a mapping of options")
+                raise InputError(f"{prefix}{name} is {short(value)}, expected a mapping of options")
             made[key] = build(typing.cast(type, hints[key]), value, where, f"{name}.")
         else:
             made[key] = _widen(value, hints[key])
@@ -191,6 +192,6 @@ def plain(value: Any) -> Any:
 
 
 def short(value: Any) -> str:
-    """Return a value as an error quotes it."""
-    text = repr(value)
+    """Return a value as an error quotes it; of a long list, or one of lists of lists, only the beginning."""
+    text = repr(value) if isinstance(value, str) else reprlib.repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."

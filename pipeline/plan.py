@@ -104,7 +104,5 @@ def _difference(
 
 def _checkpoint(run: Path, stage: str, key: str) -> str:
     owner = run / "checkpoints" / stage / ".key"
-    resumable = (
-        owner.is_file() and owner.read_text() == key and any(f != owner for f in owner.parent.iterdir())
-    )
+    resumable = owner.is_file() and owner.read_text() == key and any(owner.parent.glob("*.checkpoint"))
     return ", continues from its checkpoint" if resumable else ""

@@ -79,7 +79,15 @@ def _imports_of(path: Path, package: str, changed: int) -> set[str]:
     return imports(path.read_text(encoding="utf-8"), package)
 
 
-_version = functools.cache(importlib.metadata.version)
+@functools.cache
+def _version(package: str) -> str:
+    """Return the version of the distribution that a package comes from: the usual one, or others that were
+    installed in its stead (onnxruntime-gpu for onnxruntime), by their names."""
+    try:
+        return importlib.metadata.version(DISTRIBUTIONS.get(package, package))
+    except importlib.metadata.PackageNotFoundError:
+        others = sorted(set(importlib.metadata.packages_distributions().get(package, ())))
+        return ", ".join(f"{name} {importlib.metadata.version(name)}" for name in others)
 
 
 @functools.cache
@@ -91,8 +99,7 @@ def code(module: str, root: Path = ROOT) -> tuple[str, dict[str, str]]:
         digest.update(f"{path.relative_to(root).as_posix()}\0{file_sha256(path)}\n".encode())
     versions = {"python": platform.python_version()}
     for package in sorted(packages):
-        name = DISTRIBUTIONS.get(package, package)
-        versions[name] = _version(name)
+        versions[DISTRIBUTIONS.get(package, package)] = _version(package)
     return digest.hexdigest(), versions
 
 

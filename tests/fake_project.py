@@ -38,7 +38,7 @@ def main(context: Context) -> None:
     say(f"ran {{NAME}}")
     kind = PROJECT / f"fail-{{NAME}}"
     if NAME == "train_nerf":
-        slow, done = PROJECT / "slow", context.scratch / "step"
+        slow, done = PROJECT / "slow", context.scratch / "step.checkpoint"
         first = int(done.read_text()) if done.exists() else 0
         context.metrics["resumed_at"] = first
         for step in range(first, {steps}):
@@ -122,7 +122,7 @@ class Project:
         """Wait until the slow training has reached a step."""
         deadline = time.monotonic() + 60
         while time.monotonic() < deadline:
-            found = list(self.root.glob("runs/*/checkpoints/train_nerf/step"))
+            found = list(self.root.glob("runs/*/checkpoints/train_nerf/step.checkpoint"))
             if found and (text := found[0].read_text()) and int(text) >= step:
                 return
             time.sleep(0.02)

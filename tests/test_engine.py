@@ -1,13 +1,16 @@
 """Runs through the front door with stages that take no time: what runs, what does not, what survives."""
 
 import json
+import os
 import shutil
+import signal
 import subprocess
 import time
 from pathlib import Path
 
 import pytest
 
+from pipeline import engine
 from pipeline.files import file_sha256
 from tests.fake_project import RUN_STAGES, STEPS, Project, kill_group
 
@@ -160,6 +163,30 @@ def test_damaged_files_are_noticed_and_made_again(project: Project, damage: str)
     for name in ("asset.glb", "asset.obj", "albedo.png", "field.npz"):
         assert after[name] == before[name]
     assert project.make("verify", RUN="runs/latest").returncode == 0
+
+
+@pytest.mark.parametrize("content", [None, "prompt: another\n"])
+def test_a_damaged_job_file_is_mended(project: Project, content: str | None) -> None:
+    file = project.latest / "job.yaml"
+    before = file.read_bytes()
+    file.unlink() if content is None else file.write_text(content)
+    assert project.make("verify", RUN="runs/latest").returncode != 0
+    assert "nothing to do" in project.make("run", PROMPT=PROMPT).stderr
+    assert file.read_bytes() == before
+    assert project.make("verify", RUN="runs/latest").returncode == 0
+
+
+def test_a_signal_that_the_caller_ignores_stays_ignored() -> None:
+    """As under nohup."""
+    former = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with engine._termination_as_interrupt():
+            os.kill(os.getpid(), signal.SIGHUP)
+            with pytest.raises(KeyboardInterrupt):
+                os.kill(os.getpid(), signal.SIGTERM)
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, former)
 
 
 def test_kill_9_of_everything_then_the_same_command(project: Project) -> None:

@@ -87,6 +87,7 @@ def make(*arguments: str) -> "subprocess.CompletedProcess[str]":
         (["PROMPT=x", "SEED=-1"], ["seed", "0", "4294967295"]),
         (["PROMPT=x", "QUALITY=ultra"], ["quality", "draft | standard | high"]),
         (["PROMPT=x", "MESH=fish.obj"], ["MESH", "fish.obj", "no file"]),
+        (["PROMPT=x", f"MESH={'a' * 300}.obj"], ["aaa", "too long", "shorten"]),
         (["PROMPT=x", "PARAM=face"], ["PARAM", "MESH"]),
         (["PROMPT=x", "MESH=README.md", "SKETCH=README.md"], ["SKETCH", "MESH", "leave one out"]),
         (["PROMPT=x", "SKETCH=absent.obj"], ["SKETCH", "absent.obj", "is no file"]),
@@ -113,11 +114,12 @@ def test_errors_are_one_line_and_status_2(
 
 
 @pytest.mark.parametrize("threads", ["0", "-1", "two", "1e3", "2000"])
-def test_threads_out_of_range(threads: str, tmp_path: Path) -> None:
+def test_threads_out_of_range(threads: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from pipeline.__main__ import main
 
     (tmp_path / "model").mkdir()
     assert main(["run"], {"PROMPT": "x", "MODEL": str(tmp_path / "model"), "THREADS": threads}) == 2
+    assert "THREADS" in capsys.readouterr().err
 
 
 def test_help_names_every_variable_and_every_target_and_nothing_else() -> None:

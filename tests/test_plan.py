@@ -8,7 +8,7 @@ import pytest
 from pipeline import provenance
 from pipeline.asset_options import Bake, Clean, Extract
 from pipeline.chain import Link, read_chain, stages_of
-from pipeline.estimate import estimate
+from pipeline.estimate import estimate, machine_pace
 from pipeline.files import file_sha256
 from pipeline.job import STAGE_OPTIONS, Job, stage_options
 from pipeline.nerf_options import Refinement, SketchField, TrainNerf
@@ -196,3 +196,14 @@ def test_a_large_network_is_seen_in_the_memory_of_the_stages_that_open_it() -> N
     }
     # The text encoder is released before the VAE encoder is opened: the larger of the two counts.
     assert extra == {"embed": 980.0, "train_nerf": 6800.0, "bake": 400.0, "clean": 0.0}
+    # Refinement has them open together.
+    for stage in ("refine", "refine_paint"):
+        more = estimate(stage, JOB, 64, large).memory_mb - estimate(stage, JOB, 64, {}).memory_mb
+        assert more == 2 * (3400 + 200 + 140)
+
+
+def test_a_slower_machine_takes_longer_most_of_all_to_denoise() -> None:
+    assert 0.01 < machine_pace() < 1000
+    for stage, least, most in (("train_nerf", 2.5, 4), ("clean", 1.999, 2.001)):
+        times = [estimate(stage, JOB, 32, {"unet": 200}, pace).seconds for pace in (1.0, 0.25)]
+        assert least < times[1] / times[0] < most

@@ -1,6 +1,7 @@
 """Keys that change when, and only when, something that matters changes."""
 
 import ast
+import importlib.metadata
 import os
 from pathlib import Path
 
@@ -59,6 +60,25 @@ def test_every_stage_knows_the_versions_of_what_it_imports() -> None:
         assert all(versions.values())
     assert {"torch", "numba", "numpy", "onnxruntime"} <= set(provenance.code("pipeline.stages.train_nerf")[1])
     assert "torch" not in provenance.code("pipeline.stages.report")[1]
+
+
+def test_another_wheel_in_a_packages_stead_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = importlib.metadata.version
+
+    def version(name: str) -> str:
+        if name == "onnxruntime":
+            raise importlib.metadata.PackageNotFoundError(name)
+        return "9.8" if name == "onnxruntime-gpu" else real(name)
+
+    monkeypatch.setattr(importlib.metadata, "version", version)
+    monkeypatch.setattr(
+        importlib.metadata, "packages_distributions", lambda: {"onnxruntime": ["onnxruntime-gpu"]}
+    )
+    provenance._version.cache_clear()
+    try:
+        assert provenance._version("onnxruntime") == "onnxruntime-gpu 9.8"
+    finally:
+        provenance._version.cache_clear()
 
 
 def test_every_part_of_a_key_counts() -> None:

@@ -11,7 +11,7 @@ import pytest
 from tests.fake_project import ROOT, clean_environment
 from tests.tiny_bundle import write_tiny_bundle
 
-GIVEN = {"MESH": "piano.obj", "TOKEN": "tokens/mine.safetensors", "CHECKPOINT": "path/to/checkpoint"}
+GIVEN = {"TOKEN": "tokens/mine.safetensors", "CHECKPOINT": "path/to/checkpoint"}
 """Files of the reader's own, as the README calls them."""
 TESTED = {
     "make export": "tests/export/test_export_checkpoint.py",

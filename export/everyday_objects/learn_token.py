@@ -67,7 +67,8 @@ def read_pictures(folder: Path) -> Pictures:
     paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in FORMATS) if folder.is_dir() else []
     if not FEWEST <= len(paths) <= MOST:
         raise InputError(
-            f"IMAGES {folder} holds {len(paths)} pictures ({', '.join(FORMATS)}), expected 3 to 8"
+            f"IMAGES {folder} holds {len(paths)} pictures ({', '.join(FORMATS)}), "
+            f"expected {FEWEST} to {MOST} (3 to 8 are usual)"
         )
     images, coverages = [], []
     for path in paths:
@@ -201,13 +202,17 @@ def main() -> int:
             raise InputError(f"NAME is {name!r}, expected letters, digits, - and _: NAME=mine gives <mine>")
         if not os.environ.get("IMAGES"):
             raise InputError("IMAGES is empty: name a folder with 3 to 8 pictures of one object")
+        path = Path("tokens") / f"{name}.safetensors"
+        if path.exists():
+            raise InputError(
+                f"NAME is {name!r}, but {path} exists: choose another name, or move that file away"
+            )
         pictures = read_pictures(Path(os.environ["IMAGES"]))
+        tokenizer, networks = load_tokenizer(options.folder / "tokenizer"), restore_networks(options.folder)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    tokenizer = load_tokenizer(options.folder / "tokenizer")
-    embeddings, noun = learn(pictures, restore_networks(options.folder), tokenizer, options.steps)
-    path = Path("tokens") / f"{name}.safetensors"
+    embeddings, noun = learn(pictures, networks, tokenizer, options.steps)
     save(path, name, embeddings)
     print(f"{path}: {len(embeddings)} embeddings of width {WIDTH}, started from {noun!r}")
     print(f'make run PROMPT="a <{name}>" TOKEN={path}')

@@ -75,7 +75,9 @@ def encode_shards(encoder: Encoder, work: Path) -> None:
             continue
         images = np.load(path, mmap_mode="r")
         parts = [encoder(to_batch(images[i : i + 64])).half().numpy() for i in range(0, len(images), 64)]
-        np.save(target, np.concatenate(parts))
+        with open(f"{target}.new", "wb") as file:
+            np.save(file, np.concatenate(parts))
+        os.replace(f"{target}.new", target)
 
 
 @torch.no_grad()

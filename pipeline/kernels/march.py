@@ -132,16 +132,18 @@ def composite(
         total[:] = 0
         far = 0.0
         dimmed = 0.0
+        transmittance = 1.0
         n = 0
         for s in range(offsets[ray], offsets[ray + 1]):
             row = rows[s]
             if row < 0 or dimmed < log_stop:
                 break
             optical = np.float64(density[row]) * step
-            weight = math.exp(dimmed) * -math.expm1(-optical)
+            weight = transmittance * -math.expm1(-optical)
             for c in range(channels):
                 total[c] += weight * latents[row, c]
             far += weight * distances[s]
+            transmittance -= weight
             dimmed -= optical
             n += 1
         for c in range(channels):
@@ -174,21 +176,24 @@ def composite_backward(
     step (T_(i+1) s_i - sum_(j > i) w_j s_j - g_log): a walk from the last sample to the first.
     """
     channels = latents.shape[1]
+    room = np.empty((2, 64))
     for ray in range(start, stop):
-        begin = offsets[ray]
-        dimmed = 0.0
-        for s in range(begin, begin + used[ray]):
-            dimmed -= np.float64(density[rows[s]]) * step
+        begin, n = offsets[ray], used[ray]
+        if n > room.shape[1]:
+            room = np.empty((2, 2 * n))
+        weights, after = room
+        transmittance = 1.0
+        for i in range(n):
+            weights[i] = transmittance * -math.expm1(-np.float64(density[rows[begin + i]]) * step)
+            transmittance -= weights[i]
+            after[i] = transmittance
         behind = 0.0
-        for s in range(begin + used[ray] - 1, begin - 1, -1):
+        for i in range(n - 1, -1, -1):
+            s = begin + i
             row = rows[s]
-            optical = np.float64(density[row]) * step
-            after = math.exp(dimmed)
-            dimmed += optical
-            weight = math.exp(dimmed) * -math.expm1(-optical)
             shade = np.float64(distances[s]) * depth_gradient[ray]
             for c in range(channels):
                 shade += np.float64(latents[row, c]) * pixel_gradient[ray, c]
-                latent_gradient[row, c] = weight * pixel_gradient[ray, c]
-            density_gradient[row] = step * (after * shade - behind - log_gradient[ray])
-            behind += weight * shade
+                latent_gradient[row, c] = weights[i] * pixel_gradient[ray, c]
+            density_gradient[row] = step * (after[i] * shade - behind - log_gradient[ray])
+            behind += weights[i] * shade

@@ -13,6 +13,9 @@ from typing import Any
 
 import numba
 
+_SHARES = 8
+"""Blocks a thread, at least: at the end of a kernel a thread waits for half a block of another's."""
+
 
 def threads() -> int:
     """Return the number of threads in use: NUMBA_NUM_THREADS, else the processors this process may use."""
@@ -34,7 +37,7 @@ def run(kernel: Callable[..., None], items: int, *arguments: Any, block: int = 1
         if items:
             kernel(0, items, *arguments)
         return
-    size = max(block, -(-items // (4 * workers)))
+    size = max(block, -(-items // (_SHARES * workers)))
     starts = iter(range(0, items, size))
 
     def work() -> None:

@@ -114,7 +114,9 @@ def bake_texture(
     try:
         colours, seen = resolve(total, texels)
     except ValueError as error:
-        raise InputError(f"{error}; give bake.views more views or unwrap the mesh again") from error
+        raise InputError(
+            f"{error}; raise bake.views (of a MESH: bake_paint.views), or unwrap the mesh again"
+        ) from error
     texture = paint(np.clip(colours, 0.0, 1.0), texels, PADDING)
     errors = [
         ((render_texture(one, mesh, texture) - picture)[one.mask] ** 2).mean()

@@ -111,8 +111,10 @@ class LatentField(nn.Module):
                 torch.mm(features[rows], weight1.T, out=hidden1[rows])
                 activation.relu(hidden1[rows].numpy(), bias1.numpy())
                 torch.mm(hidden1[rows], weight2.T, out=hidden2[rows])
-                activation.relu(hidden2[rows].numpy(), bias2.numpy())
-                output = torch.addmm(bias3, hidden2[rows], weight3.T).numpy()
+                output = np.empty((rows.stop - rows.start, 1 + LATENT_CHANNELS), np.float32)
+                activation.relu_linear(
+                    hidden2[rows].numpy(), bias2.numpy(), weight3.numpy(), bias3.numpy(), output
+                )
                 activation.activate(output, places[rows], constants, dense[rows], shown[rows])
 
         active = self.active_levels
@@ -164,18 +166,17 @@ class LatentField(nn.Module):
             for block, rows in enumerate(_blocks(first, last, count), first):
                 share = {name: values[block] for name, values in shares.items()}
                 output = torch.empty(rows.stop - rows.start, 1 + LATENT_CHANNELS)
-                activation.activate_backward(
-                    by_density[rows], by_latents[rows], density[rows], lowest, output.numpy()
-                )
+                given = by_density[rows], by_latents[rows], density[rows]
+                activation.activate_backward(*given, lowest, output.numpy())
                 torch.mm(output.T, segment.hidden2[rows], out=share["weight3"])
                 torch.sum(output, 0, out=share["bias3"])
                 hidden = output @ weight3
-                sums = share["bias2"].numpy()
-                activation.relu_backward(hidden.numpy(), segment.hidden2[rows].numpy(), sums)
+                units = segment.hidden2[rows].numpy()
+                activation.relu_backward(hidden.numpy(), units, share["bias2"].numpy())
                 torch.mm(hidden.T, segment.hidden1[rows], out=share["weight2"])
                 hidden = hidden @ weight2
-                sums = share["bias1"].numpy()
-                activation.relu_backward(hidden.numpy(), segment.hidden1[rows].numpy(), sums)
+                units = segment.hidden1[rows].numpy()
+                activation.relu_backward(hidden.numpy(), units, share["bias1"].numpy())
                 torch.mm(hidden.T, segment.features[rows], out=share["weight1"])
                 torch.mm(hidden, weight1, out=segment.features[rows])
 

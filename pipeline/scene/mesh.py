@@ -91,8 +91,10 @@ def used_vertices(mesh: Mesh) -> Mesh:
 
 
 def bounding_radius(mesh: Mesh) -> float:
-    """Return the greatest distance of a vertex from the origin, which every camera looks at [scene units]."""
-    return float(np.linalg.norm(mesh.vertices.astype(np.float64), axis=1).max())
+    """Return the greatest distance of a face's vertex from the origin, which every camera looks at [scene
+    units]; a vertex that no face uses is not seen."""
+    used = mesh.vertices[np.unique(mesh.faces)]
+    return float(np.linalg.norm(used.astype(np.float64), axis=1).max())
 
 
 def check_mesh(mesh: Mesh, source: str) -> Mesh:

@@ -58,7 +58,7 @@ def check_gltf(path: Path) -> None:
             if not 0 <= count <= most:
                 raise InputError(f"{path}: accessor {index} claims {count} elements; the file is damaged")
         children = [[int(child) for child in node.get("children", ())] for node in document.get("nodes", [])]
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
         raise InputError(
             f"{path}: not valid glTF ({type(error).__name__}: {error}); export it again"
         ) from None
@@ -95,17 +95,25 @@ def buffer_files(path: Path) -> list[Path]:
     if path.suffix.lower() not in (".gltf", ".glb"):
         return []
     found = []
-    for buffer in read_gltf_json(path).get("buffers", []):
+    buffers = read_gltf_json(path).get("buffers", [])
+    if not isinstance(buffers, list):
+        raise InputError(f"{path}: not valid glTF (its buffers are no list); export it again")
+    for buffer in buffers:
         uri = buffer.get("uri") if isinstance(buffer, dict) else None
         if not isinstance(uri, str) or uri.startswith("data:"):
             continue
         name = unquote(uri)
         file = path.parent / name
-        if Path(name).is_absolute() or not file.resolve().is_relative_to(path.parent.resolve()):
+        try:
+            inside = not Path(name).is_absolute() and file.resolve().is_relative_to(path.parent.resolve())
+            there = file.is_file()
+        except (OSError, ValueError):  # no name of a file: too long, or with a NUL
+            inside, there = True, False
+        if not inside:
             raise InputError(
                 f"{path}: its buffer {name[:80]!r} lies outside its folder; put it beside the file"
             )
-        if not file.is_file():
+        if not there:
             raise InputError(f"{path}: its buffer {name[:80]!r} is missing; copy it too, or export as .glb")
         found.append(file)
     return found

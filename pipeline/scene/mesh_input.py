@@ -130,10 +130,15 @@ def _merge(parts: list[tuple[str, Any, np.ndarray]], path: Path, *, welded: bool
         np.concatenate(vertices) if vertices else np.zeros((0, 3)),
         index,
         np.concatenate(part) if part else np.zeros(0, np.int32),
-        tuple(node if named else path.stem for node, _, _ in parts),
+        # A name from JSON may hold half of a pair of surrogates, which no file can be written with.
+        tuple(_writable(node if named else path.stem) for node, _, _ in parts),
         np.concatenate(known) * [1, -1] + [0, 1] if has_uv else None,
         index if has_uv else None,
     )
+
+
+def _writable(name: str) -> str:
+    return name.encode("utf-8", "replace").decode("utf-8")
 
 
 def _narrow(faces: Int[np.ndarray, "f 3"], count: int, path: Path) -> Int[np.ndarray, "f 3"]:
@@ -164,4 +169,7 @@ def _check(mesh: InputMesh, path: Path) -> InputMesh:
             f"{path}: the mesh is {extent:g} units wide, expected {LEAST_EXTENT:g} to {MOST_EXTENT:g}; "
             "scale it"
         )
+    first, second, third = (used[:, k] / extent for k in range(3))
+    if not np.cross(second - first, third - first).any():
+        raise InputError(f"{path}: none of its {len(mesh.faces)} faces has an area; repair the mesh")
     return mesh

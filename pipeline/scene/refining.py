@@ -38,7 +38,8 @@ def refinement_options(train: TrainNerf, refinement: Refinement) -> TrainNerf:
     given = {spec.name for spec in fields(Refinement)} & {spec.name for spec in fields(TrainNerf)}
     own = {name: getattr(refinement, name) for name in given}
     own["steps"] = refinement.fit_steps + refinement.steps
-    return replace(train, **own, sparsity_ramp=0.0, density_sharpening=1.0)
+    grown = {"sparsity_ramp": 0.0, "level_ramp": 0.0, "coarse_share": 0.0, "density_sharpening": 1.0}
+    return replace(train, **own, **grown)
 
 
 def initial_rgb_state(scene: Scene, rgb: LinearRgb, options: TrainNerf, seed: int) -> State:
@@ -73,15 +74,27 @@ def rgb_over_background(
     return colours + transmittance * back
 
 
+def plain_compose(scene: Scene, rays: Rays, seen: Seen, batch: Batch) -> Float[Tensor, "r 3"]:
+    """Return what the fit is shown, whose targets are not lit: plain colours."""
+    return rgb_over_background(scene, rays, seen, batch.backgrounds)
+
+
 def rgb_compose(refinement: Refinement, rng: np.random.Generator) -> Compose:
-    """Return what refinement's guidance is shown: plain colours, or in a share of the steps lit ones."""
+    """Return what refinement's guidance is shown: plain colours, or in a share of the steps lit ones. The
+    light of a batch stays for all updates towards what was asked of it."""
+    lit: Batch | None = None
+    towards: Float[np.ndarray, "b 3"] | None = None
 
     def compose(scene: Scene, rays: Rays, seen: Seen, batch: Batch) -> Float[Tensor, "r 3"]:
+        nonlocal lit, towards
+        if batch is not lit:
+            lit, towards = batch, None
+            if refinement.shading and rng.random() < refinement.shading:
+                towards = np.stack([camera.pose[:3, 2] for camera in batch.cameras])
+                towards = towards + _LIGHT_SPREAD * rng.standard_normal(towards.shape)
+                towards /= np.linalg.norm(towards, axis=1, keepdims=True)
         light = None
-        if refinement.shading and rng.random() < refinement.shading:
-            towards = np.stack([camera.pose[:3, 2] for camera in batch.cameras])
-            towards = towards + _LIGHT_SPREAD * rng.standard_normal(towards.shape)
-            towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+        if towards is not None:
             light = shading(scene, rays, seen, towards.astype(np.float32), refinement.ambient)
         return rgb_over_background(scene, rays, seen, batch.backgrounds, light)
 

@@ -38,7 +38,7 @@ def unwrap_mesh(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[s
     atlas.generate(xatlas.ChartOptions(), hint)
     source, index, uv = atlas[0]
     if not np.array_equal(source[index], mesh.faces):
-        raise InputError("xatlas left out or reordered faces: the mesh is degenerate; raise clean.faces")
+        raise InputError("xatlas left out or reordered faces: the mesh is degenerate; repair it")
     # xatlas divides by the width and the height of its own atlas; undo that to get lengths of the surface.
     flat = uv.astype(np.float64) * [atlas.width, atlas.height] / atlas.texels_per_unit
     texels, charts = None, int(atlas.chart_count)
@@ -49,8 +49,8 @@ def unwrap_mesh(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[s
             break
     if texels is None:
         raise InputError(
-            f"{charts} charts do not fit a texture of {resolution}; raise unwrap.resolution, or lower "
-            "clean.faces: a smoother mesh has fewer charts"
+            f"{charts} charts do not fit a texture of {resolution}; raise unwrap.resolution (of a MESH: "
+            "prepare.resolution), or give fewer faces (clean.faces): a smoother mesh has fewer charts"
         )
     unwrapped = mesh._replace(uv=(texels / resolution).astype(np.float32), uv_faces=index.astype(np.int32))
     return unwrapped, {"charts": charts, "padding": room, **uv_figures(unwrapped, resolution)}
@@ -84,9 +84,7 @@ def _pack(
             texels = np.empty((len(flat), 2), np.float64)
             texels[source] = uv.astype(np.float64) * [atlas.width, atlas.height]
             if not np.array_equal(source[packed_index], index):
-                raise InputError(
-                    "xatlas reordered faces while packing: the mesh is degenerate; raise clean.faces"
-                )
+                raise InputError("xatlas reordered faces while packing: the mesh is degenerate; repair it")
             return texels, int(atlas.chart_count)
     return None, int(atlas.chart_count)
 

@@ -24,7 +24,7 @@ def main(context: Context) -> None:
     values = np.asarray(albedo, np.float32) / 255
     colours = values[0] if context.job.param == "face" else None
 
-    place = float32_place(mesh.vertices)
+    place = float32_place(mesh.vertices[np.unique(mesh.faces)])
     parts = painted_parts(mesh, place, colours)
     png = None
     if colours is None:

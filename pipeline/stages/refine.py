@@ -36,7 +36,13 @@ from pipeline.scene.baking import decibels, decoded_views
 from pipeline.scene.batch import Batch, Guidance
 from pipeline.scene.cameras import Camera
 from pipeline.scene.linear_rgb import LinearRgb
-from pipeline.scene.refining import initial_rgb_state, refinement_options, render_rgb, rgb_compose
+from pipeline.scene.refining import (
+    initial_rgb_state,
+    plain_compose,
+    refinement_options,
+    render_rgb,
+    rgb_compose,
+)
 from pipeline.scene.rendering import render_views
 from pipeline.scene.scene import Scene, load_scene, save_scene
 from pipeline.scene.silhouettes import opacity_masks
@@ -158,8 +164,9 @@ def main(context: Context) -> None:
         fit = picture_guidance(decoded_target(latent, decode, bundle.latent_size, size))
 
         def step(state: State) -> Figures:
-            way = fit if state.step < job.refinement.fit_steps else guidance
-            return training_step(state, options, size, way, sketch, compose, bundle.latent_size)
+            fitting = state.step < job.refinement.fit_steps
+            way, seen_as = (fit, plain_compose) if fitting else (guidance, compose)
+            return training_step(state, options, size, way, sketch, seen_as, bundle.latent_size)
 
         start = initial_rgb_state(latent, latent_to_rgb(bundle), options, job.seed).scene
         psnr = {"start_psnr": likeness(start, latent, cameras, bundle, decode, size)}

@@ -22,6 +22,7 @@ from torch import nn
 from pipeline import checkpoint_files
 from pipeline.diffusion.bundle import open_bundle
 from pipeline.diffusion.sessions import vae_decoder
+from pipeline.divergence import explained
 from pipeline.errors import InputError
 from pipeline.nerf_options import Refinement
 from pipeline.paint_options import TrainPaint
@@ -106,6 +107,7 @@ def main(context: Context) -> None:
     with (
         vae_decoder(inputs["vae_decoder"], bundle.latent_scale, job.provider) as decode,
         rgb_guidance(context, bundle, decode) as guidance,
+        explained("refine_paint", "refinement", lambda: state.step, context.scratch),
     ):
         train(
             state, history, options, pool, guidance, keep, name="refine_paint", noise_size=bundle.latent_size

@@ -30,6 +30,16 @@ def test_relu_and_its_gradient_are_torchs() -> None:
     np.testing.assert_allclose(sums, offset.grad.numpy(), rtol=1e-5, atol=1e-5)
 
 
+@pytest.mark.parametrize("count", [1, 4, 103])
+def test_the_layer_behind_relu_is_a_matrix_product(count: int) -> None:
+    before, bias, weight, output_bias = draw(count, 64), draw(64), draw(5, 64), draw(5)
+    hidden, output = before.copy(), np.full((count, 5), 7, np.float32)
+    activation.relu_linear(hidden, bias, weight, output_bias, output)
+    wanted = np.maximum(before + bias, 0).astype(np.float64) @ weight.T + output_bias
+    np.testing.assert_array_equal(hidden, np.maximum(before + bias, 0))
+    np.testing.assert_allclose(output, wanted, rtol=1e-5, atol=2e-5)
+
+
 def test_density_and_latents_are_those_of_the_formula() -> None:
     output, points = 8 * draw(200, 5), draw(200, 3)
     constants = np.array([5, -12.5, -3, 2, 15], np.float32)
@@ -62,6 +72,9 @@ def test_a_nan_is_not_lost(place: str) -> None:
     activation.relu(values["hidden"], np.zeros(8, np.float32))
     sums = np.empty(8, np.float32)
     activation.relu_backward(values["gradient"], np.ones((4, 8), np.float32), sums)
+    outputs = np.empty((4, 5), np.float32)
+    activation.relu_linear(values["hidden"].copy(), np.zeros(8, np.float32), draw(5, 8), draw(5), outputs)
+    assert np.isnan(outputs).any() == (place == "hidden")
     results = {"output": density, "density": gradient, "hidden": values["hidden"], "gradient": sums}
     for name, result in results.items():
         assert np.isnan(result).any() == (name == place)

@@ -121,6 +121,7 @@ FAULTS = {
     "short.obj": "v 1 2\nv 1 2 3\nf 1 2 2\n",
     "texture.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/2\n",
     "bare.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt\nvt 1 1\nf 1 2 3\n",
+    "line.obj": "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n",
     "dot.obj": "v 0 0 0\nf 1 1 1\n",
     "wide.obj": "v 1e200 0 0\nv -1e200 0 0\nv 0 1 0\nf 1 2 3\n",
     "binary.obj": bytes(range(256)),
@@ -172,6 +173,11 @@ def gltf(**changes: object) -> str:
         ({"buffers": [{"uri": "gone.bin", "byteLength": 4}]}, "missing"),
         ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "draco"),
         ({"accessors": "no"}, "not valid"),
+        ({"accessors": [{"componentType": 5126, "count": float("inf"), "type": "VEC3"}]}, "not valid"),
+        ({"buffers": None}, "no list"),
+        ({"buffers": 5}, "no list"),
+        ({"buffers": [{"uri": "%00", "byteLength": 4}]}, "missing"),
+        ({"buffers": [{"uri": "a" * 300, "byteLength": 4}]}, "missing"),
         ({"nodes": [{}], "meshes": []}, "no faces"),
     ],
 )  # fmt: skip
@@ -188,3 +194,18 @@ def test_indices_out_of_range_in_gltf_are_refused(tmp_path: Path) -> None:
     written[at : at + 4] = (10**6).to_bytes(4, "little")
     with pytest.raises(InputError, match="indices"):
         read_mesh(save(tmp_path, "a.glb", bytes(written)))
+
+
+def test_a_part_name_that_is_no_text_can_be_written(tmp_path: Path) -> None:
+    whole = trimesh.creation.box()
+    scene = trimesh.Scene()
+    scene.add_geometry(whole, node_name="wing", geom_name="wing")
+    path = save(tmp_path, "a.gltf", "")
+    files = trimesh.exchange.gltf.export_gltf(scene)
+    for name, content in files.items():
+        (tmp_path / ("a.gltf" if name == "model.gltf" else name)).write_bytes(content)
+    text = path.read_text()
+    assert '"name":"wing"' in text.replace(": ", ":")
+    path.write_text(text.replace('"wing"', '"wing\\ud83d"'))
+    (name,) = read_mesh(path).parts
+    assert name == "wing?"

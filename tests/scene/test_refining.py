@@ -14,6 +14,7 @@ from pipeline.scene.cameras import sphere
 from pipeline.scene.linear_rgb import LinearRgb
 from pipeline.scene.refining import (
     initial_rgb_state,
+    plain_compose,
     refinement_options,
     render_rgb,
     rgb_compose,
@@ -23,7 +24,7 @@ from pipeline.scene.refining import (
 )
 from pipeline.scene.rendering import make_rays, render_rays, render_views
 from pipeline.scene.scene import Scene, density, from_arrays, to_arrays
-from pipeline.scene.training import initial_state, training_step
+from pipeline.scene.training import draw_batch, initial_state, training_step
 from tests.scene.test_training import BACKGROUNDS, SIZE, SMALL
 
 RANDOM = np.random.default_rng(0)
@@ -53,6 +54,13 @@ def test_options_are_those_of_the_training_but_for_its_own() -> None:
     assert (OPTIONS.steps, OPTIONS.samples_per_ray, OPTIONS.density_sharpening) == (10, 40, 1.0)
     assert OPTIONS.learning_rate == Refinement().learning_rate
     assert OPTIONS.sparsity_weight == TRAIN.sparsity_weight
+
+
+def test_nothing_grows_again() -> None:
+    grown = refinement_options(
+        TrainNerf(steps=10, level_ramp=0.5, coarse_share=0.5, sparsity_ramp=0.5, **SMALL), Refinement()
+    )
+    assert (grown.level_ramp, grown.coarse_share, grown.sparsity_ramp) == (0, 0, 0)
 
 
 def test_it_starts_as_the_linear_map_of_the_latent_scene(scene: Scene) -> None:
@@ -173,3 +181,19 @@ def test_shading_reaches_the_shape(scene: Scene) -> None:
     assert start.field.weight3.grad is not None
     assert float(start.field.weight3.grad[0].abs().sum()) > 0
     assert float(start.field.weight3.grad[1:].abs().sum()) == 0
+
+
+def test_the_light_stays_for_all_updates_of_a_batch_and_the_fit_has_none(scene: Scene) -> None:
+    start = refined(scene)
+    rng = np.random.default_rng(0)
+    compose = rgb_compose(Refinement(shading=1.0), rng)
+    batches = [draw_batch(OPTIONS, 0.0, 9, start, rng) for _ in range(2)]
+    shown = []
+    for batch in (batches[0], batches[0], batches[1]):
+        rays = make_rays(batch.cameras, 9)
+        seen = render_rays(start, rays)
+        shown.append(compose(start, rays, seen, batch).detach())
+    assert torch.equal(shown[0], shown[1])
+    rays = make_rays(batches[0].cameras, 9)
+    plain = plain_compose(start, rays, render_rays(start, rays), batches[0]).detach()
+    assert (plain - shown[0]).abs().max() > 0.05
