@@ -87,7 +87,7 @@ def make(*arguments: str) -> "subprocess.CompletedProcess[str]":
         (["PROMPT=x", "SEED=-1"], ["seed", "0", "4294967295"]),
         (["PROMPT=x", "QUALITY=ultra"], ["quality", "draft | standard | high"]),
         (["PROMPT=x", "MESH=fish.obj"], ["MESH", "fish.obj", "no file"]),
-        (["PROMPT=x", f"MESH={'a' * 300}.obj"], ["aaa", "too long", "shorten"]),
+        (["PROMPT=x", f"MESH={'a' * 300}.obj"], ["aaa", "longer than", "shorten"]),
         (["PROMPT=x", "PARAM=face"], ["PARAM", "MESH"]),
         (["PROMPT=x", "MESH=README.md", "SKETCH=README.md"], ["SKETCH", "MESH", "leave one out"]),
         (["PROMPT=x", "SKETCH=absent.obj"], ["SKETCH", "absent.obj", "is no file"]),

@@ -130,15 +130,10 @@ def _merge(parts: list[tuple[str, Any, np.ndarray]], path: Path, *, welded: bool
         np.concatenate(vertices) if vertices else np.zeros((0, 3)),
         index,
         np.concatenate(part) if part else np.zeros(0, np.int32),
-        # A name from JSON may hold half of a pair of surrogates, which no file can be written with.
-        tuple(_writable(node if named else path.stem) for node, _, _ in parts),
+        tuple(node if named else path.stem for node, _, _ in parts),
         np.concatenate(known) * [1, -1] + [0, 1] if has_uv else None,
         index if has_uv else None,
     )
-
-
-def _writable(name: str) -> str:
-    return name.encode("utf-8", "replace").decode("utf-8")
 
 
 def _narrow(faces: Int[np.ndarray, "f 3"], count: int, path: Path) -> Int[np.ndarray, "f 3"]:

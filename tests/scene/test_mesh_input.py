@@ -194,18 +194,3 @@ def test_indices_out_of_range_in_gltf_are_refused(tmp_path: Path) -> None:
     written[at : at + 4] = (10**6).to_bytes(4, "little")
     with pytest.raises(InputError, match="indices"):
         read_mesh(save(tmp_path, "a.glb", bytes(written)))
-
-
-def test_a_part_name_that_is_no_text_can_be_written(tmp_path: Path) -> None:
-    whole = trimesh.creation.box()
-    scene = trimesh.Scene()
-    scene.add_geometry(whole, node_name="wing", geom_name="wing")
-    path = save(tmp_path, "a.gltf", "")
-    files = trimesh.exchange.gltf.export_gltf(scene)
-    for name, content in files.items():
-        (tmp_path / ("a.gltf" if name == "model.gltf" else name)).write_bytes(content)
-    text = path.read_text()
-    assert '"name":"wing"' in text.replace(": ", ":")
-    path.write_text(text.replace('"wing"', '"wing\\ud83d"'))
-    (name,) = read_mesh(path).parts
-    assert name == "wing?"
