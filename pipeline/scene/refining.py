@@ -38,8 +38,7 @@ def refinement_options(train: TrainNerf, refinement: Refinement) -> TrainNerf:
     given = {spec.name for spec in fields(Refinement)} & {spec.name for spec in fields(TrainNerf)}
     own = {name: getattr(refinement, name) for name in given}
     own["steps"] = refinement.fit_steps + refinement.steps
-    grown = {"sparsity_ramp": 0.0, "level_ramp": 0.0, "coarse_share": 0.0, "density_sharpening": 1.0}
-    return replace(train, **own, **grown)
+    return replace(train, **own, sparsity_ramp=0.0, level_ramp=0.0, coarse_share=0.0, density_sharpening=1.0)
 
 
 def initial_rgb_state(scene: Scene, rgb: LinearRgb, options: TrainNerf, seed: int) -> State:
