@@ -8,6 +8,7 @@ import trimesh
 from pipeline.errors import InputError
 from pipeline.scene.mesh import (
     Mesh,
+    bounding_radius,
     check_mesh,
     face_areas,
     read_obj,
@@ -121,3 +122,8 @@ def test_files_that_are_no_textured_obj_are_refused(tmp_path: Path, content: str
     (tmp_path / "a.obj").write_text(content)
     with pytest.raises(InputError, match=r"a\.obj"):
         read_obj(tmp_path / "a.obj")
+
+
+def test_a_vertex_that_no_face_uses_is_not_seen(ball: Mesh) -> None:
+    stray = ball._replace(vertices=np.concatenate([ball.vertices, [[100, 0, 0]]]).astype(np.float32))
+    assert bounding_radius(stray) == bounding_radius(ball)
