@@ -196,7 +196,7 @@ def test_kill_9_of_everything_then_the_same_command(project: Project) -> None:
     process = project.start("run", PROMPT=PROMPT)
     project.wait_for_step(5)
     kill_group(process)
-    reached = int(next(project.root.glob("runs/*/checkpoints/train_nerf/step")).read_text())
+    reached = int(next(project.root.glob("runs/*/checkpoints/train_nerf/step.checkpoint")).read_text())
     assert "continues from its checkpoint" in project.make("plan", PROMPT=PROMPT).stdout
     (project.root / "slow").unlink()
     result = project.make("run", PROMPT=PROMPT)
@@ -217,7 +217,7 @@ def test_nothing_lives_on_when_only_the_front_door_is_killed(project: Project) -
     front_door = int((project.latest / ".lock").read_text())
     subprocess.run(["kill", "-9", str(front_door)], check=True)
     process.communicate(timeout=20)
-    step = next(project.root.glob("runs/*/checkpoints/train_nerf/step"))
+    step = next(project.root.glob("runs/*/checkpoints/train_nerf/step.checkpoint"))
     time.sleep(0.3)
     reached = step.read_text()
     time.sleep(0.5)

@@ -104,7 +104,7 @@ def test_failures_come_back(
 
 def test_a_stage_ends_with_its_caller(project: Project, run: Path, server: dict[str, str]) -> None:
     (project.root / "slow").write_text("0.1")
-    step = run / "checkpoints" / "train_nerf" / "step"
+    step = run / "checkpoints" / "train_nerf" / "step.checkpoint"
     step.unlink(missing_ok=True)
     caller = subprocess.Popen(arguments("train_nerf", "mesh_raw.ply", "field.npz"), cwd=run, env=server)
     try:
