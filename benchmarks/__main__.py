@@ -21,7 +21,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 RESULTS, README = HERE / "results", HERE.parent / "README.md"
 BY_NAME = {
-    "default-model": "50 min",
+    "default-model": "35 min",
     "guidance": "20 min",
     "latent-vs-rgb": "7 min",
     "learn-token": "22 min",

@@ -17,7 +17,7 @@ START = 1.5
 """Python, its libraries and, at first, compiled kernels [seconds a stage]."""
 BASE_MB = 450.0
 """Python with torch [MiB]."""
-TURNED = 512
+PRODUCT_SIDE = 512
 """Side of the matrices whose product tells a machine's pace."""
 REFERENCE_GFLOPS = 300.0
 """What the constants are of: chosen so that the denoiser's time is right on two threads of a Zen 3 core."""
@@ -43,13 +43,13 @@ class Cost(NamedTuple):
 def machine_pace() -> float:
     """Return how fast this machine multiplies matrices, relative to the one that the constants are of: the
     best of some products, in hundredths of a second."""
-    matrix = np.ones((TURNED, TURNED), np.float32)
+    matrix = np.ones((PRODUCT_SIDE, PRODUCT_SIDE), np.float32)
     best = np.inf
     for _ in range(6):
         began = time.perf_counter()
         matrix @ matrix
         best = min(best, time.perf_counter() - began)
-    return 2 * TURNED**3 / best / 1e9 / REFERENCE_GFLOPS
+    return 2 * PRODUCT_SIDE**3 / best / 1e9 / REFERENCE_GFLOPS
 
 
 def estimate(stage: str, job: Job, latent_size: int, weights: Mapping[str, float], pace: float = 1.0) -> Cost:

@@ -82,6 +82,20 @@ def test_the_command_names_what_is_missing(
     assert capsys.readouterr().err.startswith("error: ")
 
 
+def test_a_token_that_is_there_is_not_overwritten(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tokens").mkdir()
+    (tmp_path / "tokens" / "mine.safetensors").write_bytes(b"dear")
+    monkeypatch.setenv("NAME", "mine")
+    monkeypatch.setenv("IMAGES", str(tmp_path))
+    monkeypatch.setattr("sys.argv", ["learn_token"])
+    assert learn_token.main() == 2
+    assert "mine.safetensors exists" in capsys.readouterr().err
+    assert (tmp_path / "tokens" / "mine.safetensors").read_bytes() == b"dear"
+
+
 def test_a_token_learns_what_its_words_say_and_the_weights_stay(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
