@@ -44,7 +44,7 @@ default-model: .venv/.dev
 	$(IN_VENV) -m export.everyday_objects.train_autoencoder build/everyday --steps 4200
 	$(IN_VENV) -m export.everyday_objects.train_denoiser build/everyday --steps 20000
 	$(IN_VENV) -m export.everyday_objects.export_bundle build/everyday
-	$(IN_VENV) -m export.everyday_objects.train_judge build/everyday --steps 3000
+	$(IN_VENV) -m export.everyday_objects.train_judge build/everyday --steps 4000
 	ONLY=default-model $(IN_VENV) -m benchmarks
 
 test: .venv/.dev

@@ -209,7 +209,7 @@ def main() -> None:
     parser.add_argument("--shards", type=int, default=8, help=f"training shards of {SHARD_SIZE} pictures")
     options = parser.parse_args()
     write_shards(options.work, "held_out", range(1), held_out=True)
-    write_shards(options.work, "judge", range(JUDGE_FIRST, JUDGE_FIRST + 2))
+    write_shards(options.work, "judge", range(JUDGE_FIRST, JUDGE_FIRST + 6))
     write_shards(options.work, "shards", range(options.shards))
 
 

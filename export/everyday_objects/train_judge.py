@@ -1,6 +1,6 @@
 """Train the judge on the pictures in WORK/judge and on failed ones; measure it on held-out objects.
 
-`python -m export.everyday_objects.train_judge WORK --steps 3000` writes benchmarks/judge.npz; with `--on` it
+`python -m export.everyday_objects.train_judge WORK --steps 4000` writes benchmarks/judge.npz; with `--on` it
 goes on from the judge that is there. benchmarks/failed holds results of the model that a person found to be
 no object at all.
 """
@@ -171,7 +171,7 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("work", type=Path)
-    parser.add_argument("--steps", type=int, default=3000)
+    parser.add_argument("--steps", type=int, default=4000)
     parser.add_argument("--failed", type=Path, default=FAILURES, help="folder of PNG files")
     parser.add_argument("--on", action="store_true", help="go on from the judge there is, at half the rate")
     options = parser.parse_args()
