@@ -53,7 +53,7 @@ the most calls to be as good as the plain run (500, 240, 300; torus 210, horse 1
 OTHERS = (50, 300)
 """Steps of further runs of these scenes, to their end, on the curve of draft, standard and high."""
 TO_THE_END = "{}, to the end"
-STOPPED = ("standard",)
+STOPPED = ("standard", "high")
 
 
 def paper_calls(rows: Sequence[dict[str, Any]], target: float) -> dict[str, Any] | None:
@@ -210,9 +210,9 @@ def main(folder: Path) -> dict[str, Any]:
     others = {str(steps): job_of("standard", steps=steps, convergence=0.0) for steps in OTHERS}
     qualities = {quality: job_of(quality) for quality in ("draft", "standard", "high")}
     front = dict(sorted({**others, **qualities}.items(), key=lambda run: run[1].train_nerf.steps))
-    whole = {TO_THE_END.format(quality): job_of(quality, convergence=0.0) for quality in STOPPED}
-    runs = {**whole, **{quality: qualities[quality] for quality in ("draft", "standard")}}
-    long = {"paper": job_of("standard", **PAPER), **others, "high": qualities["high"]}
+    whole = {quality: {TO_THE_END.format(quality): job_of(quality, convergence=0.0)} for quality in STOPPED}
+    runs = {**whole["standard"], **{quality: qualities[quality] for quality in ("draft", "standard")}}
+    long = {"paper": job_of("standard", **PAPER), **others, "high": qualities["high"], **whole["high"]}
     fill(
         [
             *trials(plain, long, RESOLUTION),
@@ -233,7 +233,9 @@ def main(folder: Path) -> dict[str, Any]:
     )
     means = {
         "all_scenes": {n: mean_row([r[-1] for r in measured[n].values()]) for n in ("draft", "standard")},
-        "plain_scenes": {n: mean_row([measured[n][t.name][-1] for t in plain]) for n in (*front, "paper")},
+        "plain_scenes": {
+            n: mean_row([measured[n][t.name][-1] for t in plain]) for n in (*front, *whole["high"], "paper")
+        },
         "paint": {n: mean_row(list(rows.values())) for n, rows in painted.items()},
     }
     written = (
