@@ -22,12 +22,12 @@ HERE = Path(__file__).parent
 RESULTS, README = HERE / "results", HERE.parent / "README.md"
 BY_NAME = {
     "default-model": "35 min",
-    "guidance": "20 min",
-    "latent-vs-rgb": "7 min",
-    "learn-token": "22 min",
-    "oracle-choices": "7 min",
+    "guidance": "16 min",
+    "latent-vs-rgb": "5 min",
+    "learn-token": "16 min",
+    "oracle-choices": "3 min",
     "paint": "15 min",
-    "refine": "15 min",
+    "refine": "6 min",
     "sd14": "12 min and 8 GB",
     "sigma-s": "40 min",
 }
