@@ -17,6 +17,7 @@ the share of steps saved, and by how much the error (root mean square) of the wo
 Results are kept under runs/bench/oracle, by options and source: a second call only does what is missing.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -50,10 +51,9 @@ PAPER: dict[str, Any] = {
 PLAIN = ("ball", "boxes", "car")
 """Scenes of the long runs, the plain one and high: when all six were compared, those that took the defaults
 the most calls to be as good as the plain run (500, 240, 300; torus 210, horse 130, piano 50)."""
-OTHERS = (50, 300)
-"""Steps of further runs of these scenes, to their end, on the curve of draft, standard and high."""
+SHORT, LONGER, LONG = "50", "300", "1000"
+"""Steps of further runs of these scenes: one cut short, and high for longer; the last comes to rest."""
 TO_THE_END = "{}, to the end"
-STOPPED = ("standard", "high")
 
 
 def paper_calls(rows: Sequence[dict[str, Any]], target: float) -> dict[str, Any] | None:
@@ -79,6 +79,31 @@ def trials(truths: Sequence[Truth], runs: dict[str, Job], resolution: int) -> li
         for name, job in runs.items()
         for truth in truths
     ]
+
+
+def runs_that_may_stop() -> dict[str, Job]:
+    """Return the jobs whose convergence is compared with their last step, by name."""
+    return {
+        "standard": job_of("standard"),
+        "high": job_of("high"),
+        **{steps: job_of("high", steps=int(steps)) for steps in (LONGER, LONG)},
+    }
+
+
+def end_of(name: str, truth: Truth, job: Job, cache: Path, resolution: int) -> Trial | None:
+    """Return the trial of a job that does not stop early, or None where it takes all of its steps anyway."""
+    if kept(name, truth, job, 0, cache, resolution)[-1]["steps"] == job.train_nerf.steps:
+        return None
+    whole = dataclasses.replace(job, train_nerf=dataclasses.replace(job.train_nerf, convergence=0.0))
+    return Trial(TO_THE_END.format(name), truth.name, whole, 0, resolution)
+
+
+def to_the_end(name: str, truth: Truth, job: Job, cache: Path, resolution: int) -> list[dict[str, Any]]:
+    """Return the rows of a job that does not stop early: the job's own where it takes all of its steps."""
+    end = end_of(name, truth, job, cache, resolution)
+    if end is None:
+        return list(kept(name, truth, job, 0, cache, resolution))
+    return list(kept(end.name, truth, end.job, 0, cache, resolution))
 
 
 def mean_row(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
@@ -144,7 +169,7 @@ def panels(measured: dict[str, Any], painted: dict[str, Any], front: Sequence[st
     rows = [mean_row([measured[name][scene][-1] for scene in measured["paper"]]) for name in front]
     paint = [mean_row(list(painted[name].values())) for name in painted]
     labels = [name if not name.isdigit() else "" for name in front]
-    star = list(front).index("standard") if "standard" in front else None
+    star = front.index("standard") if "standard" in front else None
 
     def curve(name: str, source: Sequence[dict[str, float]], x: str, y: str, default: bool) -> Curve:
         points = [row[x] for row in source], [row[y] for row in source]
@@ -207,34 +232,46 @@ def main(folder: Path) -> dict[str, Any]:
     """Measure everything that the cache lacks, write the plot into `folder`, return the figures."""
     truths = [*analytic_scenes(), *catalogue_scenes(list(SCENES))]
     plain = [truth for truth in truths if truth.name in PLAIN]
-    others = {str(steps): job_of("standard", steps=steps, convergence=0.0) for steps in OTHERS}
-    qualities = {quality: job_of(quality) for quality in ("draft", "standard", "high")}
-    front = dict(sorted({**others, **qualities}.items(), key=lambda run: run[1].train_nerf.steps))
-    whole = {quality: {TO_THE_END.format(quality): job_of(quality, convergence=0.0)} for quality in STOPPED}
-    runs = {**whole["standard"], **{quality: qualities[quality] for quality in ("draft", "standard")}}
-    long = {"paper": job_of("standard", **PAPER), **others, "high": qualities["high"], **whole["high"]}
+    stopping = runs_that_may_stop()
+    qualities = {"draft": job_of("draft"), "standard": stopping["standard"], "high": stopping["high"]}
+    longer = {steps: stopping[steps] for steps in (LONGER, LONG)}
+    others = {SHORT: job_of("standard", steps=int(SHORT), convergence=0.0), **longer}
+    front = [SHORT, *qualities, *longer]
+    everywhere = {quality: qualities[quality] for quality in ("draft", "standard")}
+    on_plain = {"paper": job_of("standard", **PAPER), **others, "high": qualities["high"]}
+    scenes = {name: truths if name in everywhere else plain for name in (*everywhere, *on_plain)}
     fill(
         [
-            *trials(plain, long, RESOLUTION),
-            *trials(truths, runs, RESOLUTION),
+            *trials(plain, on_plain, RESOLUTION),
+            *trials(truths, everywhere, RESOLUTION),
             *(Trial("paint", truth.name, job) for job in qualities.values() for truth in truths),
         ],
         CACHE,
     )
-    measured = {**measure(plain, long, CACHE, RESOLUTION), **measure(truths, runs, CACHE, RESOLUTION)}
+    ends = [end_of(n, t, job, CACHE, RESOLUTION) for n, job in stopping.items() for t in scenes[n]]
+    fill([trial for trial in ends if trial], CACHE)
+    measured = {
+        **measure(plain, on_plain, CACHE, RESOLUTION),
+        **measure(truths, everywhere, CACHE, RESOLUTION),
+        **{
+            TO_THE_END.format(n): {t.name: to_the_end(n, t, job, CACHE, RESOLUTION) for t in scenes[n]}
+            for n, job in stopping.items()
+        },
+    }
     painted = {
         quality: {truth.name: kept("paint", truth, job, 0, CACHE, RESOLUTION) for truth in truths}
         for quality, job in qualities.items()
     }
     write_fronts(
         folder / "oracle.png",
-        panels(measured, painted, list(front)),
+        panels(measured, painted, front),
         f"Ideal denoisers of {', '.join(PLAIN)} (paint: of {len(truths)} scenes), means; star: the default",
     )
     means = {
         "all_scenes": {n: mean_row([r[-1] for r in measured[n].values()]) for n in ("draft", "standard")},
         "plain_scenes": {
-            n: mean_row([measured[n][t.name][-1] for t in plain]) for n in (*front, *whole["high"], "paper")
+            n: mean_row([measured[n][t.name][-1] for t in plain])
+            for n in (*front, TO_THE_END.format(LONG), "paper")
         },
         "paint": {n: mean_row(list(rows.values())) for n, rows in painted.items()},
     }
@@ -244,19 +281,19 @@ def main(folder: Path) -> dict[str, Any]:
         table("paint", means["paint"], {**COSTS, "psnr": "PSNR of the mesh's pixels [dB]"}),
     )
     (folder / "oracle.md").write_text("\n".join(written), encoding="utf-8")
-    stopped = convergence(measured, STOPPED)
+    stopped = convergence(measured, list(stopping))
     cut = [row for rows in stopped.values() for row in rows.values()]
     return {
         "summary": {
             "scenes": len(truths),
-            **summarise(measured, list(front), "standard"),
+            **summarise(measured, front, "standard"),
             "convergence": {
                 "steps_saved": round(1 - sum(row["steps"] for row in cut) / sum(row["of"] for row in cut), 3),
                 "worst_error_ratio": max(row["error_ratio"] for row in cut),
             },
         },
         "missing": [name for name in SCENES if name not in {truth.name for truth in truths}],
-        "by_scene": against_paper(measured, list(front)),
+        "by_scene": against_paper(measured, front),
         "convergence": stopped,
         **means,
         "rows": measured,

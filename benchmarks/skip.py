@@ -29,7 +29,7 @@ from benchmarks._savings import Row, table
 from benchmarks._timing import in_turn
 from benchmarks._trials import RESOLUTION, backgrounds, held_out, job_of, kept, learn
 from benchmarks._truths import Truth, analytic_scenes
-from benchmarks.oracle import CACHE, PLAIN, TO_THE_END
+from benchmarks.oracle import CACHE, PLAIN, runs_that_may_stop, to_the_end
 from pipeline.diffusion.bundle import open_bundle
 from pipeline.diffusion.distillation import sds_gradient
 from pipeline.diffusion.prompts import view_index, view_texts
@@ -125,15 +125,12 @@ def progressive(truth: Truth, job: Job, resolution: int) -> list[Row]:
     return rows
 
 
-def after_convergence(truth: Truth, quality: str, job: Job, resolution: int, cache: Path) -> Row:
-    """Return what stopping at convergence saves a job of a quality; the trials are those of `oracle`."""
-    options = dataclasses.replace(job.train_nerf, convergence=0.0)
-    whole = dataclasses.replace(job, train_nerf=options)
-    stopped, full = (
-        kept(name, truth, one, 0, cache, resolution)[-1]
-        for name, one in ((quality, job), (TO_THE_END.format(quality), whole))
-    )
-    return Row(f"iterations after convergence: {truth.name}, {quality}", "train_nerf.convergence", "on",
+def after_convergence(truth: Truth, name: str, job: Job, resolution: int, cache: Path) -> Row:
+    """Return what stopping at convergence saves a job; the trials are those of `oracle`."""
+    stopped = kept(name, truth, job, 0, cache, resolution)[-1]
+    full = to_the_end(name, truth, job, cache, resolution)[-1]
+    called = f"{name} steps" if name.isdigit() else name
+    return Row(f"iterations after convergence: {truth.name}, {called}", "train_nerf.convergence", "on",
                "steps", float(full["steps"]), float(stopped["steps"]), full["psnr"] - stopped["psnr"],
                "PSNR of held-out views [dB lost]", (full["seconds"], stopped["seconds"]))  # fmt: skip
 
@@ -288,10 +285,10 @@ def main(folder: Path) -> dict[str, Any]:
         *rendering(learned(truth, job, RESOLUTION), held_out(job.train_nerf), RESOLUTION, rounds),
         *progressive(truth, job, RESOLUTION),
         *(
-            after_convergence(one, quality, job_of(quality), RESOLUTION, CACHE)
+            after_convergence(one, name, job, RESOLUTION, CACHE)
             for one in analytic_scenes()
             if one.name in PLAIN
-            for quality in ("standard", "high")
+            for name, job in runs_that_may_stop().items()
         ),
         guidance(rounds),
         unused_texts(job, rounds),

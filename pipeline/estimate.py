@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.distillation_options import Distillation
 from pipeline.job import Job
 
-START = 1.5
+START = 1.0
 """Python, its libraries and, at first, compiled kernels [seconds a stage]."""
 BASE_MB = 450.0
 """Python with torch [MiB]."""
@@ -75,24 +75,24 @@ def estimate(stage: str, job: Job, latent_size: int, weights: Mapping[str, float
     paint_side = paint.resolution or latent_size
     paint_denoiser = _denoiser_work(paint, denoiser_megabytes, latent_size)
     paint_size = job.bake_paint.view_resolution or max(latent_size, 64)
-    texels, faces = job.bake.texture**2, job.clean.faces
+    texels, paint_texels, faces = job.bake.texture**2, job.bake_paint.texture**2, job.clean.faces
     cells = job.extract.resolution**3
     frames = job.publish.turntable_frames * job.publish.turntable_size**2
     costs = {
         "embed": Cost(0.2, 0.0),
         "sketch": Cost(0.3 + 6e-6 * job.sketch_field.cells**3, 1e-4 * job.sketch_field.cells**3),
         "train_nerf": Cost(
-            train.steps * (8.4e-8 * samples * train.updates_per_call + 1.26e-4 * denoiser),
+            train.steps * (train.updates_per_call * (0.02 + 6e-8 * samples) + 1.5e-4 * denoiser),
             150 + 4e-4 * samples,
         ),
         "refine": Cost(
             refine.steps * (refine_step + pictures) + refine.fit_steps * (fit_step + pictures),
             150 + 4e-4 * refine_samples,
         ),
-        "extract": Cost(2e-7 * cells + 0.04 * job.extract.views, 50 + 2e-5 * cells),
+        "extract": Cost(6e-7 * cells + 0.02 * job.extract.views, 50 + 2e-5 * cells),
         "clean": Cost(0.7 + 7.5e-5 * faces, 0.0),
-        "unwrap": Cost(0.4 + 2e-4 * faces, 0.0),
-        "bake": Cost(job.bake.views * (0.02 + 1.8e-5 * views**2), 50 + 1e-4 * texels),
+        "unwrap": Cost(0.4 + 1.9e-6 * faces**1.5, 4e-3 * faces),
+        "bake": Cost(job.bake.views * (1.8e-5 * views**2 + 3e-8 * texels), 50 + 1e-4 * texels),
         "publish": Cost(0.8 + 2e-7 * frames, 0.0),
         "prepare": Cost(3.0, 50.0),
         "train_paint": Cost(
@@ -100,7 +100,7 @@ def estimate(stage: str, job: Job, latent_size: int, weights: Mapping[str, float
             150 + 3e-4 * paint.views * paint_side**2,
         ),
         "bake_paint": Cost(
-            paint_views * (0.03 + 1.8e-5 * paint_size**2), 50 + 1e-4 * job.bake_paint.texture**2
+            paint_views * (1.8e-5 * paint_size**2 + 3e-8 * paint_texels), 50 + 1e-4 * paint_texels
         ),
         "refine_paint": Cost(
             0.5 + 2e-4 * paint.views * refine_side + refine.steps * (refine_step + pictures),

@@ -30,8 +30,8 @@ class Adam:
         for parameter in self.parameters:
             parameter.grad = None
 
-    def step(self) -> None:
-        """Move every parameter that has a gradient."""
+    def step(self, share: float = 1.0) -> None:
+        """Move every parameter that has a gradient, at that share of its rate."""
         for parameters, rate in self.groups:
             pairs = [(p, p.grad) for p in parameters if p.grad is not None]
             if not pairs:
@@ -53,7 +53,7 @@ class Adam:
                     second,
                     [],
                     steps,
-                    lr=rate,
+                    lr=share * rate,
                     beta1=BETAS[0],
                     beta2=BETAS[1],
                     weight_decay=0.0,

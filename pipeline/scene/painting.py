@@ -48,6 +48,9 @@ class PaintState:
     step: int = 0
 
 
+_COLDEST = 0.1
+
+
 class PaintFigures(NamedTuple):
     """What a step tells of itself."""
 
@@ -134,7 +137,7 @@ def paint_step(
     parameters = {"colours": state.colours, **dict(state.background.named_parameters("background"))}
     for name, parameter in parameters.items():
         require_steppable(name, parameter.grad, state.step)
-    state.optimizer.step()
+    state.optimizer.step(rate_share(options.cooling, progress))
     for name, parameter in parameters.items():
         require_finite(name, parameter, state.step)
     state.step += 1
@@ -143,6 +146,17 @@ def paint_step(
     seconds = dict(zip(("render", "denoiser", "backward"), np.diff(clock).tolist(), strict=True))
     norm = math.sqrt(float(np.square(gradient, dtype=np.float64).sum()) / len(gradient))
     return PaintFigures(norm, float(np.mean([view.covered.mean() for view in views])), seconds)
+
+
+def rate_share(cooling: float, progress: float) -> float:
+    """Return the share of the learning rates at `progress` in [0, 1] of a run: 1 until its last share
+    `cooling`, over which it falls linearly to a tenth.
+
+    Noise and views are drawn anew each step, so at a constant rate colours tremble around what they have
+    come to; the more so, the longer they have had for it.
+    """
+    cooled = (progress - (1 - cooling)) / cooling if cooling else 0.0
+    return 1 - (1 - _COLDEST) * min(max(cooled, 0.0), 1.0)
 
 
 def _behind(background: Background, batch: Batch, size: int) -> torch.Tensor:

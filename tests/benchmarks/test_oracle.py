@@ -132,6 +132,14 @@ def test_stopping_early_is_compared_by_scene() -> None:
     assert table["b"] == {"steps": 100, "of": 100, "error_ratio": 1}
 
 
+def test_a_run_that_takes_all_of_its_steps_is_its_own_end(boxes: Truth, tmp_path: Path) -> None:
+    job = small(4)
+    rows = kept("4", boxes, job, 0, tmp_path, 8)
+    assert oracle.end_of("4", boxes, job, tmp_path, 8) is None
+    assert oracle.to_the_end("4", boxes, job, tmp_path, 8) == rows
+    assert len(list(tmp_path.iterdir())) == 1
+
+
 def test_calls_for_the_papers_error_are_those_of_the_cheapest_good_run() -> None:
     rows = [{"psnr": 20.0, "calls": 50}, {"psnr": 30.0, "calls": 600}, {"psnr": 29.0, "calls": 200}]
     assert oracle.paper_calls(rows, 28.0) == rows[2]

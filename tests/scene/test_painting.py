@@ -12,7 +12,7 @@ from pipeline.scene.batch import Guidance
 from pipeline.scene.cameras import ring
 from pipeline.scene.mesh import Mesh
 from pipeline.scene.painted import complete
-from pipeline.scene.painting import initial_paint, make_pool, paint_step
+from pipeline.scene.painting import initial_paint, make_pool, paint_step, rate_share
 from pipeline.scene.unwrapping import unwrap_mesh
 from pipeline.scene.view_weights import view_weights
 from tests import shapes
@@ -65,6 +65,29 @@ def test_distillation_finds_the_colours(ball: Mesh, texture: int | None) -> None
         difference = view.render(latents, plain) - view.render(wanted, plain)
         errors.append(np.sqrt((difference**2).mean() / view.covered.mean()))
     assert max(errors) < 0.15
+
+
+def test_the_rate_falls_to_a_tenth_over_the_last_share() -> None:
+    assert [rate_share(0.5, p) for p in (0, 0.5, 0.75, 1)] == pytest.approx([1, 1, 0.55, 0.1])
+    assert [rate_share(1.0, p) for p in (0, 0.5, 1)] == pytest.approx([1, 0.55, 0.1])
+    assert [rate_share(0.0, p) for p in (0, 0.5, 1)] == [1, 1, 1]
+    assert rate_share(0.01, 0.9) == 1
+    assert rate_share(0.5, 1.2) == pytest.approx(0.1), "steps beyond the last do not climb again"
+
+
+def test_colours_move_by_the_rate_of_their_step(ball: Mesh) -> None:
+    """Under a gradient that never changes, Adam moves every colour by its rate."""
+    options = dataclasses.replace(OPTIONS, steps=5, views=4, learning_rate=0.1, cooling=0.5)
+    pool = make_pool(ball, options, 24, 12, 0)
+    state = initial_paint(options, pool, BACKGROUNDS, 0)
+    moved = []
+    for _ in range(options.steps):
+        before = state.colours.detach().numpy().copy()
+        paint_step(state, options, pool, lambda latents, batch: np.ones_like(latents))
+        step = before - state.colours.detach().numpy()
+        moved.append((step.min(), step.max()))
+    wanted = np.array([0.1, 0.1, 0.1, 0.055, 0.01])
+    np.testing.assert_allclose(moved, np.stack([wanted, wanted], 1), rtol=1e-3)
 
 
 def test_the_same_seed_gives_the_same_colours(ball: Mesh) -> None:
