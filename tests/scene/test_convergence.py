@@ -64,7 +64,7 @@ def finish(state: State, history: list[dict[str, Any]], options: TrainNerf, fold
 
 
 def test_training_ends_early_and_a_resumed_one_at_the_same_step(tmp_path: Path) -> None:
-    options = TrainNerf(steps=140, checkpoint_every=65, convergence=5.0, **SMALL)
+    options = TrainNerf(steps=200, checkpoint_every=90, convergence=5.0, **SMALL)
     history: list[dict[str, Any]] = []
     whole = finish(initial_state(options, BACKGROUNDS, 7), history, options, tmp_path)
     assert options.steps // 2 <= whole.step < options.steps
@@ -74,7 +74,7 @@ def test_training_ends_early_and_a_resumed_one_at_the_same_step(tmp_path: Path) 
 
     state, before, _ = checkpoint.load(tmp_path, options)
     assert state is not None
-    assert state.step == 65
+    assert state.step == 90
     assert finish(state, before, options, tmp_path).step == whole.step
     np.testing.assert_array_equal(state.looks, whole.looks)
 
