@@ -33,8 +33,9 @@ def test_a_scene_that_trembles_in_place_drifts_by_one_standard_error(seed: int) 
 def test_drift_grows_as_the_scene_moves_and_does_not_depend_on_units() -> None:
     drifts = [drift(trembling(0, 2 * WINDOW, step)) for step in (0, 0.3, 1, 3)]
     assert drifts == sorted(drifts)
-    # Means `WINDOW` looks apart; the motion within a stretch, of variance 1, makes it tremble more.
-    moving = np.sqrt(2 / WINDOW + WINDOW**2) / np.sqrt(2 * (1 + 1) / WINDOW)
+    # Means `WINDOW` looks apart; the motion within a stretch makes it tremble more.
+    within = np.arange(WINDOW).var(ddof=1)
+    moving = np.sqrt(2 / WINDOW + WINDOW**2) / np.sqrt(2 * (1 + within) / WINDOW)
     assert drifts[2] == pytest.approx(moving, rel=0.1)
     assert drift(1000 * trembling(0, 2 * WINDOW, 0.3)) == pytest.approx(drifts[1], rel=1e-5)
 
