@@ -1,7 +1,7 @@
 """What a stage will cost, before it runs: seconds and peak memory.
 
-Each figure is a constant plus the work that the options ask for times a rate, measured with the default
-bundle on two Zen 5 cores. Other machines: their pace tells.
+Each figure is a constant plus the work that the options ask for times a rate, fitted to runs of the default
+bundle on two Zen 5 cores and on two threads of a Zen 3 core. Other machines: their pace tells.
 """
 
 import time
