@@ -54,7 +54,7 @@ class TrainNerf(Distillation):
     coarse_share: float = option(
         0.0, "first share of the run in which views have half the resolution, enlarged for the model", 0, 1
     )
-    # Of ten trainings on ideal denoisers none stopped more than 5 % from its final error below 1.4.
+    # Of twelve trainings on ideal denoisers (`ONLY=oracle`) two stop early, 2.7 % from their final errors.
     convergence: float = option(
         1.35,
         "training ends, after half of its steps at the earliest, once the scene drifts less than so many "

@@ -48,9 +48,6 @@ class PaintState:
     step: int = 0
 
 
-_COLDEST = 0.1
-
-
 class PaintFigures(NamedTuple):
     """What a step tells of itself."""
 
@@ -146,6 +143,10 @@ def paint_step(
     seconds = dict(zip(("render", "denoiser", "backward"), np.diff(clock).tolist(), strict=True))
     norm = math.sqrt(float(np.square(gradient, dtype=np.float64).sum()) / len(gradient))
     return PaintFigures(norm, float(np.mean([view.covered.mean() for view in views])), seconds)
+
+
+_COLDEST = 0.1
+"""Share of the learning rates that is left at the end of a cooling."""
 
 
 def rate_share(cooling: float, progress: float) -> float:
