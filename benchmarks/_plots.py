@@ -5,7 +5,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import matplotlib as mpl
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 mpl.use("Agg")  # no screen is needed, or asked for
 
@@ -43,10 +45,19 @@ def write_fronts(path: Path, panels: Sequence[Panel], title: str = "") -> None:
             for x, y, label in zip(curve.x, curve.y, curve.labels, strict=False):
                 axes.annotate(label, (x, y), xytext=(6, -10), textcoords="offset points", fontsize=8)
         axes.set(xscale="log", xlabel=panel.x, ylabel=panel.y)
+        _mark(axes.xaxis)
         if panel.log_y:
             axes.set_yscale("log")
+            _mark(axes.yaxis)
         axes.grid(visible=True, which="both", alpha=0.25)
         axes.legend(fontsize=8)
     if title:
         figure.suptitle(title, fontsize=10)
     figure.savefig(path, dpi=100, metadata={"Software": None})
+
+
+def _mark(axis: Axis) -> None:
+    """Write plain numbers at 1, 2 and 5 times the powers of ten: of powers alone there may be none."""
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
