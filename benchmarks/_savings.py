@@ -27,11 +27,19 @@ class Row(NamedTuple):
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
-    """Return the rows in Markdown."""
-    heads = ("item", "switch", "default", "without → with", "saved", "error")
+    """Return the rows in Markdown; "its time": what the work around it takes, with it relative to without."""
+    heads = ("item", "switch", "default", "without → with", "saved", "its time", "error")
     lines = []
     for row in rows:
         cost = f"{row['off']:.6g} → {row['on']:.6g} {row['unit']}"
         saved, error = f"{row['saving']:.0%}", f"{row['error']:.2g} ({row['error_of']})"
-        lines.append((row["item"], f"`{row['switch']}`", row["default"], cost, saved, error))
+        lines.append((row["item"], f"`{row['switch']}`", row["default"], cost, saved, _time(row), error))
     return markdown(heads, lines)
+
+
+def _time(row: dict[str, Any]) -> str:
+    """Return the processor time with the saving, relative to that without; "" where not measured."""
+    if row["processor_seconds"] is None:
+        return ""
+    off, on = row["processor_seconds"]
+    return f"× {on / off:.2f}"

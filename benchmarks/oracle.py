@@ -44,6 +44,7 @@ PAPER: dict[str, Any] = {
     "sparsity_weight": 33.0,
     "sparsity_ramp": 0.0,
     "opacity_weight": 0.0,
+    "emptiness_weight": 0.0,
     "updates_per_call": 1,
     "convergence": 0.0,
 }
@@ -145,7 +146,8 @@ def summarise(measured: dict[str, Any], front: Sequence[str], chosen: str) -> di
 
 
 def convergence(measured: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """Return, by run, what stopping at convergence saves and loses against its `TO_THE_END`, by scene."""
+    """Return, by run and scene, what stopping at convergence saves, and the ratios of its errors (of views,
+    of the surface's distance, of its normals) to those of its `TO_THE_END`."""
     table: dict[str, Any] = {}
     for name in names:
         stopped, whole = measured[name], measured[TO_THE_END.format(name)]
@@ -154,6 +156,10 @@ def convergence(measured: dict[str, Any], names: Sequence[str]) -> dict[str, Any
                 "steps": stopped[scene][-1]["steps"],
                 "of": whole[scene][-1]["steps"],
                 "error_ratio": round(10 ** ((whole[scene][-1]["psnr"] - stopped[scene][-1]["psnr"]) / 20), 4),
+                **{
+                    f"{error}_ratio": round(stopped[scene][-1][error] / whole[scene][-1][error], 4)
+                    for error in ("chamfer", "normal_error")
+                },
             }
             for scene in stopped
         }
@@ -288,7 +294,7 @@ def main(folder: Path) -> dict[str, Any]:
             **summarise(measured, front, "standard"),
             "convergence": {
                 "steps_saved": round(1 - sum(row["steps"] for row in cut) / sum(row["of"] for row in cut), 3),
-                "worst_error_ratio": max(row["error_ratio"] for row in cut),
+                **{f"worst_{key}": max(row[key] for row in cut) for key in cut[0] if key.endswith("_ratio")},
             },
         },
         "missing": [name for name in SCENES if name not in {truth.name for truth in truths}],

@@ -6,6 +6,7 @@ density's level sets where a ray is expected to end.
 """
 
 import copy
+import math
 from collections.abc import Sequence
 from dataclasses import fields, replace
 
@@ -29,6 +30,9 @@ _GREY = 2 / 3
 _LEAST_OPACITY = 0.05
 """What is less opaque has no surface to light."""
 _LIGHT_SPREAD = 0.8
+_LEAST_DENSITY = math.exp(-15.0)
+"""Thinner is as good as empty and has no normal: the field's gradient falls no further below it, so that of
+the logarithm, which is divided by the density, would grow without end."""
 _TETRAHEDRON = torch.tensor([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / 3**0.5
 
 
@@ -122,7 +126,7 @@ def surface_normals(scene: Scene, points: Float[Tensor, "n 3"]) -> Float[Tensor,
     """Return unit vectors against the gradient of the log density, from four points half a sample away."""
     corners = (points[:, None] + scene.step / 2 * _TETRAHEDRON).reshape(-1, 3).clamp(-1, 1).contiguous()
     density, _ = scene.field.attach([scene.field.evaluate(corners)])
-    logarithm = density.clamp(min=1e-20).log().reshape(-1, 4)
+    logarithm = density.clamp(min=_LEAST_DENSITY).log().reshape(-1, 4)
     return -functional.normalize(logarithm @ _TETRAHEDRON, dim=1, eps=1e-6)
 
 

@@ -57,8 +57,13 @@ def train(
 
     cameras = preview_cameras(options)
 
+    # What the first decision needs, and no look before: a draft ends before there could be one.
+    decided = KEPT * LOOK_EVERY
+    first = max(options.steps / 2 - decided, 0)
+    asked = options.convergence > 0 and decided < options.steps
+
     def at_rest(state: State) -> bool:
-        if not options.convergence or state.step % LOOK_EVERY:
+        if not asked or state.step <= first or state.step % LOOK_EVERY:
             return False
         state.looks = [*state.looks, look(state.scene, cameras, resolution)][-KEPT:]
         return 2 * state.step >= options.steps and converged(state.looks, options.convergence)

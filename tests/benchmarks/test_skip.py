@@ -76,4 +76,6 @@ def test_rows_become_a_table() -> None:
     row = Row("cells", "x", "on", "samples", 200.0, 50.0, 1e-3, "latents", (2.0, 1.0)).figures()
     assert row["saving"] == 0.75
     assert np.isclose(row["error"], 1e-3)
-    assert table([row]).splitlines()[2] == ("| cells | `x` | on | 200 → 50 samples | 75% | 0.001 (latents) |")
+    assert table([row]).splitlines()[2] == (
+        "| cells | `x` | on | 200 → 50 samples | 75% | × 0.50 | 0.001 (latents) |"
+    )

@@ -56,6 +56,16 @@ def test_it_takes_calm_in_a_row() -> None:
     assert not converged(list(trembling(1, KEPT, 1.0)), 1.35)
 
 
+def test_every_one_of_the_last_drifts_counts() -> None:
+    """A jump between two stretches is an endless drift; one look off it is one of `WINDOW` - 1."""
+
+    def jumping(at: int) -> list[np.ndarray]:
+        return list(np.repeat([np.zeros(SHAPE), np.ones(SHAPE)], [at, KEPT - at], 0).astype(np.float32))
+
+    calm = [at for at in range(WINDOW - 1, WINDOW + CALM + 1) if converged(jumping(at), WINDOW - 0.5)]
+    assert calm == [WINDOW - 1, WINDOW + CALM]
+
+
 def finish(state: State, history: list[dict[str, Any]], options: TrainNerf, folder: Path) -> State:
     def keep(state: State, history: list[dict[str, Any]]) -> None:
         checkpoint.save(folder, state, history)

@@ -7,10 +7,11 @@ import pytest
 import torch
 
 from pipeline.nerf_options import Refinement, TrainNerf
-from pipeline.scene import checkpoint
+from pipeline.scene import checkpoint, occupancy
 from pipeline.scene.background import FlatBackground, LearnedBackground
 from pipeline.scene.batch import Batch
 from pipeline.scene.cameras import sphere
+from pipeline.scene.field import FieldShape, LatentField
 from pipeline.scene.linear_rgb import LinearRgb
 from pipeline.scene.refining import (
     initial_rgb_state,
@@ -170,6 +171,37 @@ def test_normals_of_a_ball_point_outwards_and_light_falls_on_one_side() -> None:
     assert back[8, 8] == pytest.approx(0.3)
     missed = (-torch.expm1(seen.log_transmittance)).reshape(17, 17).numpy() < 0.04
     assert (front[missed] == 1).all()
+
+
+@pytest.mark.parametrize("bias", [0.0, -5.0, -12.0, -20.0, -40.0])
+def test_the_normals_gradient_is_that_of_finite_differences_and_ends_where_nothing_is(bias: float) -> None:
+    rng = np.random.default_rng(0)
+    field = LatentField(
+        FieldShape(levels=4, finest=32, table_log2=10, blob_density=0.0, density_bias=bias), rng
+    )
+    with torch.no_grad():
+        field.table.mul_(3e3)
+    scene = Scene(field, occupancy.everywhere(16), FlatBackground(np.zeros((1, 4), np.float32)), 48)
+    points = torch.from_numpy(rng.uniform(-0.7, 0.7, (50, 3)).astype(np.float32))
+    towards = torch.from_numpy(rng.standard_normal((50, 3)).astype(np.float32))
+    (surface_normals(scene, points) * towards).sum().backward()
+    weight = field.weight3
+    assert weight.grad is not None
+    if bias < -15:
+        assert float(weight.grad.abs().max()) == 0
+        return
+    way = weight.grad / weight.grad.norm()
+
+    def shown(move: float) -> float:
+        with torch.no_grad():
+            kept = weight.clone()
+            weight.add_(move * way)
+            value = float((surface_normals(scene, points).double() * towards).sum())
+            weight.copy_(kept)
+        return value
+
+    slope = (shown(1e-3) - shown(-1e-3)) / 2e-3
+    assert float(weight.grad.norm()) == pytest.approx(slope, rel=0.05)
 
 
 def test_shading_reaches_the_shape(scene: Scene) -> None:

@@ -180,7 +180,7 @@ def test_marching_matches_brute_force(share: float) -> None:
         assert counts.max() > 20
     for i in np.flatnonzero(~different):
         own = samples.distances[samples.offsets[i] : samples.offsets[i + 1]]
-        np.testing.assert_allclose(own, exact[i], atol=2e-6 if share == 1 else 0.1)
+        np.testing.assert_allclose(own, exact[i], atol=2e-6)
 
 
 def test_skipping_hidden_samples_changes_nothing() -> None:
