@@ -62,6 +62,19 @@ def check_text(name: str, text: str) -> None:
         raise InputError(f"{name} is not valid UTF-8 at position {error.start}: write it in UTF-8") from None
 
 
+class _Loader(yaml.SafeLoader):
+    """YAML without tags that execute, and with each key once: of two sections one would be lost."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen = set[str]()
+        for key, _ in node.value:
+            name = str(key.value)
+            if name in seen:
+                raise yaml.YAMLError(f"{short(name)} stands twice, again in line {key.start_mark.line + 1}")
+            seen.add(name)
+        return super().construct_mapping(node, deep)
+
+
 def read_yaml(path: Path) -> dict[str, Any]:
     """Read a YAML mapping (safe_load: tags never execute).
 
@@ -69,7 +82,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
         InputError: the file is absent, is not YAML, or holds no mapping.
     """
     try:
-        value = yaml.safe_load(path.read_text(encoding="utf-8"))
+        value = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)  # noqa: TID251 (a SafeLoader)
     except (yaml.YAMLError, ValueError) as error:  # a number or date that is none, bytes that are no UTF-8
         raise InputError(f"{path} is not plain YAML: {' '.join(str(error).split())}") from None
     except OSError as error:
@@ -172,13 +185,19 @@ def _number(value: float | None) -> str:
 
 
 def _is_real(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    try:
+        return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:  # an integer beyond every float
+        return False
 
 
 def _widen(value: Any, hint: Any) -> Any:
-    """YAML has no tuples and writes whole floats as integers."""
-    if hint is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
+    """YAML has no tuples, writes whole floats as integers, and takes 1e-3 for text."""
+    if hint is float and isinstance(value, (int, str)) and not isinstance(value, bool):
+        try:
+            return float(value)
+        except (ValueError, OverflowError):
+            return value
     if typing.get_origin(hint) is tuple and isinstance(value, list):
         return tuple(float(v) if _is_real(v) else v for v in value)
     return value

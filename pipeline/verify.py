@@ -23,6 +23,8 @@ def verify(run: Path) -> tuple[int, list[str]]:
         ) from None
     except (ValueError, KeyError, TypeError, AttributeError):
         raise InputError(f"{path} is not a manifest: make the run again") from None
+    if not expected:
+        raise InputError(f"{path} names no file: make the run again")
     faults = []
     for name, sha256 in sorted(expected.items()):
         file = run / name

@@ -57,6 +57,10 @@ def check_gltf(path: Path) -> None:
             most = MOST_ELEMENTS if view is None else int(views[view]["byteLength"])
             if not 0 <= count <= most:
                 raise InputError(f"{path}: accessor {index} claims {count} elements; the file is damaged")
+            if "sparse" in accessor:
+                raise InputError(f"{path}: accessor {index} is sparse; export the mesh without morph targets")
+        for mesh in document.get("meshes", []):
+            _check_plain_numbers(mesh, accessors, path)
         children = [[int(child) for child in node.get("children", ())] for node in document.get("nodes", [])]
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
         raise InputError(
@@ -66,6 +70,14 @@ def check_gltf(path: Path) -> None:
         if not name.startswith(SUPPORTED_EXTENSIONS):
             raise InputError(f"{path}: needs the glTF extension {name[:60]}; export the mesh without it")
     _check_tree(children, path)
+
+
+def _check_plain_numbers(mesh: dict[str, Any], accessors: list[dict[str, Any]], path: Path) -> None:
+    """The reader takes integers as they stand, where `normalized` ones mean shares of the largest."""
+    for primitive in mesh["primitives"]:
+        for name in {"POSITION", "TEXCOORD_0"} & primitive["attributes"].keys():
+            if accessors[primitive["attributes"][name]].get("normalized"):
+                raise InputError(f"{path}: {name} is quantised; export the mesh without quantisation")
 
 
 def _check_tree(children: list[list[int]], path: Path) -> None:

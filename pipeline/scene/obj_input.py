@@ -45,7 +45,7 @@ def parse_obj(path: Path) -> ObjArrays:
     current = {"o": "", "g": "", "usemtl": ""}
     number = 0
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
+        text = path.read_text(encoding="utf-8-sig", errors="replace")
         for line in text.replace("\\\n", " ").split("\n"):
             number += 1
             key, rest = (line.split(maxsplit=1) + ["", ""])[:2]
