@@ -141,3 +141,5 @@ def test_verify_wants_a_finished_run(tmp_path: Path) -> None:
         assert "RUN" in result.stderr.splitlines()[0]
     (tmp_path / "manifest.json").write_text('{"files": 3}')
     assert "is not a manifest" in make("verify", f"RUN={tmp_path}").stderr
+    (tmp_path / "manifest.json").write_text('{"files": {}}')
+    assert "names no file" in make("verify", f"RUN={tmp_path}").stderr

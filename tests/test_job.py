@@ -202,6 +202,9 @@ def test_errors_of_the_environment(models: Path, environment: dict[str, str], wo
         "\t",
         "a: " + "[" * 5000,
         "seed: 2024-13-45",
+        "train_nerf: {steps: 5}\ntrain_nerf: {steps: 6}",
+        "seed: 1" + "0" * 400,
+        "train_nerf: {learning_rate: 1" + "0" * 400 + "}",
         "seed: " + "9" * 5000,
         "\n".join(
             ["a0: &a0 [x]", *(f"a{i + 1}: &a{i + 1} [{', '.join([f'*a{i}'] * 9)}]" for i in range(12))]
@@ -217,6 +220,12 @@ def test_yaml_that_is_not_a_plain_mapping_is_one_line(
     assert "job.yaml" in str(error.value)
     assert "\n" not in str(error.value)
     assert not (models / "hacked").exists()
+
+
+def test_numbers_may_have_exponents(models: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(models)
+    job = write(models, "train_nerf: {learning_rate: 1e-3}")
+    assert resolve({"PROMPT": "x", "MODEL": "plain", "JOB": job}, models).train_nerf.learning_rate == 1e-3
 
 
 def test_a_broken_recommendation_of_a_model_is_named(models: Path) -> None:

@@ -62,6 +62,12 @@ def test_obj_with_tabs_comments_continued_lines_and_colours(tmp_path: Path) -> N
     assert mesh.uv is None
 
 
+def test_obj_with_a_byte_order_mark_keeps_its_first_vertex(tmp_path: Path) -> None:
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 9\nf 1 2 3\n"
+    mesh = read_mesh(save(tmp_path, "bom.obj", "\ufeff" + text))
+    assert surface(mesh)[..., 2].max() == 0
+
+
 def test_obj_with_some_corners_untextured_has_no_texture_points(tmp_path: Path) -> None:
     text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\nf 1 2 3\n"
     mesh = read_mesh(save(tmp_path, "plain.obj", text))
@@ -173,6 +179,8 @@ def gltf(**changes: object) -> str:
         ({"buffers": [{"uri": "gone.bin", "byteLength": 4}]}, "missing"),
         ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "draco"),
         ({"accessors": "no"}, "not valid"),
+        ({"accessors": [{"componentType": 5126, "count": 3, "type": "VEC3", "sparse": {}}]}, "sparse"),
+        ({"accessors": [{"componentType": 5122, "count": 3, "normalized": True}]}, "quantised"),
         ({"accessors": [{"componentType": 5126, "count": float("inf"), "type": "VEC3"}]}, "not valid"),
         ({"buffers": None}, "no list"),
         ({"buffers": 5}, "no list"),
