@@ -90,8 +90,11 @@ def test_training_ends_early_and_a_resumed_one_at_the_same_step(tmp_path: Path) 
     np.testing.assert_array_equal(state.looks, whole.looks)
 
 
-def test_without_a_bound_all_steps_are_taken(tmp_path: Path) -> None:
-    options = TrainNerf(steps=20, convergence=0.0, **SMALL)
+@pytest.mark.parametrize("convergence", [0.0, 10.0])
+def test_without_a_bound_or_time_for_a_decision_all_steps_are_taken(
+    tmp_path: Path, convergence: float
+) -> None:
+    options = TrainNerf(steps=20, convergence=convergence, **SMALL)
     state = finish(initial_state(options, BACKGROUNDS, 7), [], options, tmp_path)
     assert state.step == 20
     assert state.looks == []
