@@ -65,7 +65,7 @@ clean-venv:
 	@touch $@
 
 .venv/.dev: .venv/.runtime pyproject.toml
-	@# Most of it is never imported: Python compiles what is, which is two minutes less.
+	@# Most of it is never imported: Python compiles what is, when it is.
 	@$(IN_VENV) -m pip install --quiet --no-compile --editable '.[dev,export]' >&2
 	@# For its file of CLIP's merges alone: its torchvision does not load beside the CPU build of torch.
 	@$(IN_VENV) -m pip install --quiet --no-deps 'open_clip_torch>=3.3,<4' >&2

@@ -76,10 +76,10 @@ class _Loader(yaml.SafeLoader):
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
-    """Read a YAML mapping (safe_load: tags never execute).
+    """Read a YAML mapping; tags never execute.
 
     Raises:
-        InputError: the file is absent, is not YAML, or holds no mapping.
+        InputError: the file is absent, is not YAML, has a key twice, or holds no mapping.
     """
     try:
         value = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)  # noqa: TID251 (a SafeLoader)

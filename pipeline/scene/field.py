@@ -8,6 +8,7 @@ samples, so that nothing is evaluated twice or concatenated, and the hash grid's
 one place.
 """
 
+import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -30,6 +31,9 @@ _BLOCK = 2048
 """Points that go through the network together, at most: what a block needs stays in the cache."""
 _MAX_EXPONENT = 15.0
 """Log densities are clamped here, and their gradient too (torch-ngp's trunc_exp): exp(15) is 3e6."""
+LEAST_DENSITY = math.exp(-_MAX_EXPONENT)
+"""The field's gradient takes densities below this as this, and so has whatever is made of a density: its
+logarithm's gradient would else grow without end."""
 
 
 _ENCODED_BLOCK = 1024

@@ -57,8 +57,6 @@ def check_gltf(path: Path) -> None:
             most = MOST_ELEMENTS if view is None else int(views[view]["byteLength"])
             if not 0 <= count <= most:
                 raise InputError(f"{path}: accessor {index} claims {count} elements; the file is damaged")
-            if "sparse" in accessor:
-                raise InputError(f"{path}: accessor {index} is sparse; export the mesh without morph targets")
         for mesh in document.get("meshes", []):
             _check_plain_numbers(mesh, accessors, path)
         children = [[int(child) for child in node.get("children", ())] for node in document.get("nodes", [])]
@@ -73,11 +71,16 @@ def check_gltf(path: Path) -> None:
 
 
 def _check_plain_numbers(mesh: dict[str, Any], accessors: list[dict[str, Any]], path: Path) -> None:
-    """The reader takes integers as they stand, where `normalized` ones mean shares of the largest."""
+    """The reader passes over sparse changes, and takes integers as they stand, where `normalized` ones mean
+    shares of the largest. (Texture coordinates beyond [0, 1] are not used in any case.)"""
     for primitive in mesh["primitives"]:
-        for name in {"POSITION", "TEXCOORD_0"} & primitive["attributes"].keys():
-            if accessors[primitive["attributes"][name]].get("normalized"):
-                raise InputError(f"{path}: {name} is quantised; export the mesh without quantisation")
+        used = {name: primitive["attributes"].get(name) for name in ("POSITION", "TEXCOORD_0")}
+        for name, index in {**used, "indices": primitive.get("indices")}.items():
+            if index is not None and "sparse" in accessors[index]:
+                raise InputError(f"{path}: {name} is sparse; export the mesh without sparse accessors")
+        position = used["POSITION"]
+        if position is not None and accessors[position].get("normalized"):
+            raise InputError(f"{path}: POSITION is quantised; export the mesh without quantisation")
 
 
 def _check_tree(children: list[list[int]], path: Path) -> None:

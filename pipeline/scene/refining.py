@@ -6,7 +6,6 @@ density's level sets where a ray is expected to end.
 """
 
 import copy
-import math
 from collections.abc import Sequence
 from dataclasses import fields, replace
 
@@ -20,6 +19,7 @@ from pipeline.nerf_options import Refinement, TrainNerf
 from pipeline.scene.background import FlatBackground, LearnedBackground
 from pipeline.scene.batch import Batch
 from pipeline.scene.cameras import Camera
+from pipeline.scene.field import LEAST_DENSITY
 from pipeline.scene.flat_colours import flat_colours
 from pipeline.scene.linear_rgb import LinearRgb
 from pipeline.scene.rendering import Rays, Seen, behind, render_views
@@ -30,9 +30,6 @@ _GREY = 2 / 3
 _LEAST_OPACITY = 0.05
 """What is less opaque has no surface to light."""
 _LIGHT_SPREAD = 0.8
-_LEAST_DENSITY = math.exp(-15.0)
-"""Thinner is as good as empty and has no normal: the field's gradient falls no further below it, so that of
-the logarithm, which is divided by the density, would grow without end."""
 _TETRAHEDRON = torch.tensor([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / 3**0.5
 
 
@@ -126,7 +123,7 @@ def surface_normals(scene: Scene, points: Float[Tensor, "n 3"]) -> Float[Tensor,
     """Return unit vectors against the gradient of the log density, from four points half a sample away."""
     corners = (points[:, None] + scene.step / 2 * _TETRAHEDRON).reshape(-1, 3).clamp(-1, 1).contiguous()
     density, _ = scene.field.attach([scene.field.evaluate(corners)])
-    logarithm = density.clamp(min=_LEAST_DENSITY).log().reshape(-1, 4)
+    logarithm = density.clamp(min=LEAST_DENSITY).log().reshape(-1, 4)
     return -functional.normalize(logarithm @ _TETRAHEDRON, dim=1, eps=1e-6)
 
 

@@ -16,6 +16,7 @@ import math
 import numpy as np
 from jaxtyping import Float
 
+from pipeline.scene.field import LEAST_DENSITY
 from pipeline.scene.sketch import Sketch, look_up
 
 LENGTH = 0.2
@@ -23,8 +24,6 @@ LENGTH = 0.2
 the loss does not depend on how finely rays are sampled."""
 LEAST_WEIGHT = 1e-3
 """Points whose weight is smaller are left out."""
-_LEAST_DENSITY = math.exp(-15.0)
-"""The field's own gradient takes densities below this as this (`LatentField`): so does the loss."""
 _MOST_THICKNESS = 80.0
 """exp of it is finite in float32; an alpha of 1 - exp(-80) is 1."""
 
@@ -48,7 +47,7 @@ def shape_loss(
     if not len(judged):
         return 0.0, gradient
     weight = -np.expm1(np.square(distance[judged]) * np.float32(-0.5 / sigma**2)) / np.float32(len(density))
-    thickness = np.maximum(density[judged], np.float32(_LEAST_DENSITY)) * np.float32(LENGTH)
+    thickness = np.maximum(density[judged], np.float32(LEAST_DENSITY)) * np.float32(LENGTH)
     solid = inside[judged]
     held = np.minimum(thickness, np.float32(_MOST_THICKNESS))
     entropy = np.where(solid, -np.log(-np.expm1(-held)), thickness)
