@@ -6,6 +6,8 @@ USER_VARIABLES := PROMPT NEGATIVE MODEL SEED QUALITY JOB OUT THREADS PROFILE RUN
 	IMAGES NAME CHECKPOINT STORAGE SHAPES GRADIENT PREDICTION
 $(foreach name,$(USER_VARIABLES),$(eval override $(name) := $$(value $(name))))
 export $(USER_VARIABLES)
+UNKNOWN := $(filter-out $(USER_VARIABLES) PYTHON IN_VENV,$(foreach name,$(.VARIABLES),$(if $(findstring command line,$(origin $(name))),$(name))))
+$(if $(UNKNOWN),$(error $(firstword $(UNKNOWN)) is no variable of this project; there are: $(USER_VARIABLES)))
 
 MAKEFLAGS += --no-print-directory
 .DEFAULT_GOAL := help

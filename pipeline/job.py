@@ -12,7 +12,7 @@ This module is imported before anything runs, so it imports nothing heavy.
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal
@@ -130,6 +130,7 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
         InputError: an unknown key, a value of the wrong type or out of range, a model that does not exist.
     """
     given: dict[str, Any] = read_yaml(Path(environment["JOB"])) if environment.get("JOB") else {}
+    written = given.get("quality")
     plain = ("PROMPT", "NEGATIVE", "TOKEN", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM", "PROVIDER")
     for variable in plain:
         if environment.get(variable):
@@ -164,12 +165,26 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
         raise InputError(f"MESH {short(asked.mesh)} does not exist or is no file: give the path of a mesh")
     if environment.get("PARAM") and not asked.mesh:
         raise InputError("PARAM is given without MESH: it chooses how a given mesh is painted")
-    layers = [QUALITY[asked.quality], _bundle_options(bundle_folder(asked.model, models)), given]
+    bundle = _bundle_options(bundle_folder(asked.model, models))
+    job = _merge([QUALITY[asked.quality], bundle, given], environment.get("JOB") or "")
+    if isinstance(written, str) and written in QUALITY and written != asked.quality:
+        before = _merge([QUALITY[written], bundle, given], environment.get("JOB") or "")
+        if before == job:
+            raise InputError(
+                f"QUALITY={asked.quality} changes nothing: {environment['JOB']} is complete, with the values "
+                f"of quality {written}; delete from it what {asked.quality} shall decide, or give PROMPT "
+                "and the other variables instead of JOB"
+            )
+    return job
+
+
+def _merge(layers: Sequence[Mapping[str, Any]], file: str) -> Job:
+    """Return the job of the layers, later ones first."""
     merged: dict[str, Any] = {}
     for layer in layers:
         for key, value in layer.items():
             merged[key] = {**merged.get(key, {}), **value} if isinstance(value, dict) else value
-    return build(Job, merged, environment.get("JOB") or "")
+    return build(Job, merged, file)
 
 
 def token_files(given: str) -> list[Path]:

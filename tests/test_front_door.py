@@ -113,6 +113,14 @@ def test_errors_are_one_line_and_status_2(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_mistyped_variable_is_refused(tmp_path: Path) -> None:
+    result = make("run", f"OUT={tmp_path / 'runs'}", "PROMPT=a chair", "QUALTY=high")
+    assert result.returncode == 2
+    assert "QUALTY is no variable" in result.stderr
+    assert "QUALITY" in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize("threads", ["0", "-1", "two", "1e3", "2000"])
 def test_threads_out_of_range(threads: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from pipeline.__main__ import main

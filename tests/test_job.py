@@ -57,6 +57,18 @@ def test_each_layer_wins_over_the_one_below(models: Path) -> None:
     assert said.clean == asset_options.Clean(**jobs.QUALITY["high"]["clean"])
 
 
+def test_another_quality_for_a_complete_file_is_refused(models: Path) -> None:
+    complete = jobs.to_yaml(resolve({"PROMPT": "a jug", "MODEL": "plain", "QUALITY": "draft"}, models))
+    file = write(models, complete)
+    assert resolve({"JOB": file, "QUALITY": "draft", "SEED": "3"}, models).seed == 3
+    with pytest.raises(InputError, match=r"QUALITY=high changes nothing.*draft"):
+        resolve({"JOB": file, "QUALITY": "high"}, models)
+    kept = write(models, complete.replace("  steps: 100\n", "", 1).replace("  samples_per_ray: 48\n", "", 1))
+    assert resolve({"JOB": kept, "QUALITY": "high"}, models).train_nerf.samples_per_ray == 96
+    broken = write(models, "prompt: x\nmodel: plain\nquality: [a]\n")
+    assert resolve({"JOB": broken, "QUALITY": "high"}, models).quality == "high"
+
+
 def test_a_sketch_and_its_sigma_win_over_the_file(models: Path) -> None:
     house = write(
         models, "prompt: x\nmodel: plain\nsketch: nowhere.obj\ntrain_nerf: {shape_sigma: 1.0, steps: 9}\n"

@@ -5,6 +5,7 @@ top is up (+y), and a pixel is one unit.
 """
 
 import io
+import re
 from pathlib import Path
 
 import cv2
@@ -15,6 +16,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from PIL import Image
 
 from pipeline.errors import InputError
+from pipeline.options import short
 from pipeline.scene.mesh import Mesh
 
 FORMATS = (".png", ".svg")
@@ -25,6 +27,8 @@ _LEAST_CONTRAST = 16
 """A drawing whose colours differ less from its border's shows nothing [of 255]."""
 _LEAST_AREA = 2e-4
 """Parts and holes smaller than this share of the picture are specks."""
+_OUTSIDE = re.compile(r"""<(?:\w+:)?(?:image|feImage)\b[^>]*?href\s*=\s*["']\s*(?!data:|#)([^"']*)""")
+"""A picture of an SVG drawing that is not in the drawing itself."""
 
 
 def read_silhouette(path: Path) -> Bool[np.ndarray, "h w"]:
@@ -98,11 +102,15 @@ def extrude(mask: Bool[np.ndarray, "h w"], thickness: float) -> Mesh:
 
 def _svg_to_png(path: Path) -> bytes:
     try:
+        text = path.read_text(encoding="utf-8")
         # No fonts of this machine, and no files beside the drawing: the same drawing gives the same solid.
-        return bytes(
-            resvg_py.svg_to_bytes(
-                svg_string=path.read_text(encoding="utf-8"), width=_SIDE, height=_SIDE, skip_system_fonts=True
+        if picture := _OUTSIDE.search(text):
+            raise InputError(
+                f"{path} shows a picture from another file ({short(picture[1])}), which is not read: "
+                "embed it in the drawing, or draw its outline"
             )
+        return bytes(
+            resvg_py.svg_to_bytes(svg_string=text, width=_SIDE, height=_SIDE, skip_system_fonts=True)
         )
     except (ValueError, UnicodeDecodeError) as error:
         said = " ".join(str(error).split())

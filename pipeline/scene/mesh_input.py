@@ -6,6 +6,8 @@ t texture points.
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,6 +39,8 @@ class InputMesh(NamedTuple):
     uv: Float[np.ndarray, "t 2"] | None
     """float64, origin at the top left (glTF's), not checked for range; None: some triangle has none."""
     uv_faces: Int[np.ndarray, "f 3"] | None
+    untextured: int
+    """Triangles for whose lack of texture points those of the others are not used."""
 
 
 def read_mesh(path: Path) -> InputMesh:
@@ -73,6 +77,7 @@ def _read_obj(path: Path) -> InputMesh:
         arrays.names,
         arrays.uv * [1, -1] + [0, 1] if has_uv else None,
         arrays.uv_faces.astype(np.int32) if has_uv else None,
+        int((arrays.uv_faces < 0).any(axis=1).sum()) if (arrays.uv_faces >= 0).any() else 0,
     )
 
 
@@ -84,12 +89,12 @@ def _read_other(path: Path, suffix: str) -> InputMesh:
         check_gltf(path)
     try:
         scene = trimesh.load_scene(path, file_type=suffix[1:], process=False, validate=False)
-        placed = [(node, *scene.graph[node]) for node in sorted(scene.graph.nodes_geometry)]
         order = {name: row for row, name in enumerate(scene.geometry)}
-        placed.sort(key=lambda item: order[item[2]])
+        placed = [(label, *scene.graph[node]) for node, label in _labels(scene.graph, order).items()]
+        placed.sort(key=lambda item: (order[item[2]], item[0]))
         parts = [
-            (node, scene.geometry[name], np.asarray(transform, np.float64))
-            for node, transform, name in placed
+            (label, scene.geometry[name], np.asarray(transform, np.float64))
+            for label, transform, name in placed
             if isinstance(scene.geometry[name], trimesh.Trimesh)
         ]
         return _merge(parts, path, welded=suffix == ".stl", named=suffix in (".glb", ".gltf"))
@@ -100,6 +105,21 @@ def _read_other(path: Path, suffix: str) -> InputMesh:
     ) as error:  # trimesh lets IndexError, JSONDecodeError, ModuleNotFoundError and more escape
         said = " ".join(str(error).split())[:200] or type(error).__name__
         raise InputError(f"{path}: not a readable {suffix[1:]} mesh ({said}); export it again") from None
+
+
+def _labels(graph: Any, order: dict[str, int]) -> dict[str, str]:
+    """Return the name of every node that shows something. trimesh puts the primitives of a mesh that has
+    several into nodes below the mesh's, with random letters: here these are counted, in the file's order."""
+    seen: Counter[str] = Counter()
+    labels = {}
+    for node in sorted(graph.nodes_geometry, key=lambda node: order[graph[node][1]]):
+        parent = graph.transforms.parents.get(node, "")
+        if re.fullmatch(re.escape(parent) + "_[0-9a-f]{6}", node):
+            labels[node] = f"{parent}_{seen[parent]}"
+            seen[parent] += 1
+        else:
+            labels[node] = node
+    return labels
 
 
 def _merge(parts: list[tuple[str, Any, np.ndarray]], path: Path, *, welded: bool, named: bool) -> InputMesh:
@@ -133,6 +153,7 @@ def _merge(parts: list[tuple[str, Any, np.ndarray]], path: Path, *, welded: bool
         tuple(node if named else path.stem for node, _, _ in parts),
         np.concatenate(known) * [1, -1] + [0, 1] if has_uv else None,
         index if has_uv else None,
+        sum(len(g.faces) for (_, g, _), uv in zip(parts, uvs, strict=True) if uv is None) if known else 0,
     )
 
 

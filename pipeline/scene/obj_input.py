@@ -4,15 +4,15 @@ trimesh would drop faces at NaN vertices without a word, split vertices at chart
 for materials; this keeps what the file says. Read are `v`, `vt`, `f` (any polygon, indices from 1 or
 backwards from -1), and the names after `o`, `g` and `usemtl`; the rest, materials included, is passed over.
 
-Letters: v vertices, t texture points, f triangles.
+Letters: v vertices, t texture points, p polygons, c corners of these, f triangles.
 """
 
 from __future__ import annotations
 
-import itertools
 from pathlib import Path
 from typing import NamedTuple
 
+import mapbox_earcut
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -36,11 +36,13 @@ class ObjArrays(NamedTuple):
 def parse_obj(path: Path) -> ObjArrays:
     """Return what an OBJ file holds. Parts are its objects; without any its groups, else its materials.
 
-    Polygons become fans of triangles around their first corner. Raises InputError naming the line.
+    Polygons become fans of triangles around their first corner where that covers them, as it does convex
+    ones; others are cut into ears. Raises InputError naming the line.
     """
     vertices: list[list[float]] = []
     uv: list[list[float]] = []
-    triangles: list[tuple[int, ...]] = []
+    corners: list[tuple[int, int]] = []
+    sides: list[int] = []
     named: list[tuple[str, str, str]] = []
     current = {"o": "", "g": "", "usemtl": ""}
     number = 0
@@ -55,10 +57,10 @@ def parse_obj(path: Path) -> ObjArrays:
             elif key == "vt":
                 uv.append([float(word) for word in (rest.split() + ["0"])[:2]])
             elif key == "f":
-                corners = [_corner(word, len(vertices), len(uv)) for word in rest.partition("#")[0].split()]
-                for second, third in itertools.pairwise(corners[1:]):
-                    triangles.append((*corners[0], *second, *third))
-                    named.append((current["o"], current["g"], current["usemtl"]))
+                words = rest.partition("#")[0].split()
+                corners += [_corner(word, len(vertices), len(uv)) for word in words]
+                sides.append(len(words))
+                named.append((current["o"], current["g"], current["usemtl"]))
             elif key in current:
                 current[key] = rest.strip()
         points = np.array(vertices, np.float64).reshape(-1, 3)
@@ -68,19 +70,62 @@ def parse_obj(path: Path) -> ObjArrays:
             f"{path}: line {number} is no OBJ statement ({error}); expected lines such as v 0 0 1 and "
             "f 1 2 3; export the mesh again"
         ) from None
-    indices = np.array(triangles, np.int64).reshape(-1, 3, 2)
+    indices = np.array(corners, np.int64).reshape(-1, 2)
+    triangles, polygon = _triangulate(points, indices[:, 0], np.array(sides, np.int64))
     level = next((i for i in range(3) if any(name[i] for name in named)), 0)
-    words = [name[level] or path.stem for name in named]
-    names = tuple(dict.fromkeys(words))
+    parts = [name[level] or path.stem for name in named]
+    # a face of two corners has no triangle, and a part of such faces is none
+    names = tuple(dict.fromkeys(part for part, count in zip(parts, sides, strict=True) if count > 2))
     rows = {name: row for row, name in enumerate(names)}
     return ObjArrays(
         points,
-        indices[..., 0],
-        np.array([rows[word] for word in words], np.int32),
+        indices[triangles, 0],
+        np.array([rows.get(part, -1) for part in parts], np.int32)[polygon],
         names,
         texture_points,
-        indices[..., 1],
+        indices[triangles, 1],
     )
+
+
+def _triangulate(
+    points: Float[np.ndarray, "v 3"], corners: Int[np.ndarray, " c"], sides: Int[np.ndarray, " p"]
+) -> tuple[Int[np.ndarray, "f 3"], Int[np.ndarray, " f"]]:
+    """Return the triangles of polygons, as rows of `corners`, and the polygon of each.
+
+    Polygons lie in `corners` one after the other, `sides` corners each.
+    """
+    first = np.cumsum(sides) - sides
+    count = np.maximum(sides - 2, 0)
+    polygon = np.repeat(np.arange(len(sides)), count)
+    step = np.arange(len(polygon)) - np.repeat(np.cumsum(count) - count, count)
+    start = first[polygon]
+    triangles = np.stack([start, start + step + 1, start + step + 2], axis=1)
+    if not len(triangles) or corners.max() >= len(points):  # an index out of range: the caller says so
+        return triangles, polygon
+    with np.errstate(all="ignore"):
+        a, b, c = (points[corners[triangles[:, k]]] for k in range(3))
+        normals = np.cross(b - a, c - a)
+        whole = np.stack([np.bincount(polygon, normals[:, k], len(sides)) for k in range(3)], axis=1)
+        backwards = np.einsum("fk,fk->f", normals, whole[polygon]) < 0
+    for row in np.unique(polygon[backwards]):
+        ring = points[corners[first[row] : first[row] + sides[row]]]
+        triangles[polygon == row] = first[row] + _cut_ears(ring, whole[row])
+    return triangles, polygon
+
+
+def _cut_ears(ring: Float[np.ndarray, "n 3"], normal: Float[np.ndarray, " 3"]) -> Int[np.ndarray, "f 3"]:
+    """Return the triangles of a polygon that need not be convex, turning as it does; where it crosses itself,
+    its fan. n = f + 2."""
+    away = int(np.abs(normal).argmax())
+    axes = [(away + 1) % 3, (away + 2) % 3][:: 1 if normal[away] > 0 else -1]
+    flat = np.ascontiguousarray(ring[:, axes])
+    ears = mapbox_earcut.triangulate_float64(flat, np.array([len(ring)], np.uint32)).reshape(-1, 3)
+    if len(ears) != len(ring) - 2:
+        rest = np.arange(1, len(ring) - 1)
+        return np.stack([np.zeros_like(rest), rest, rest + 1], axis=1)
+    side, other = flat[ears[:, 1]] - flat[ears[:, 0]], flat[ears[:, 2]] - flat[ears[:, 0]]
+    turned = side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0] < 0
+    return np.where(turned[:, None], ears[:, ::-1], ears).astype(np.int64)
 
 
 def _corner(word: str, vertices: int, points: int) -> tuple[int, int]:

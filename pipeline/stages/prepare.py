@@ -46,6 +46,11 @@ def main(context: Context) -> None:
     if context.job.param == "face":
         mesh = mesh._replace(uv=None, uv_faces=None)
     else:
+        if given.untextured:
+            warnings.append(
+                f"the mesh got new texture coordinates; its own are not used: {given.untextured} of its "
+                f"{len(given.faces)} faces have none"
+            )
         mesh, figures = _coordinates(mesh, options, warnings)
     save_paint_mesh(
         context.outputs["mesh"],

@@ -89,7 +89,9 @@ def test_many_holes_and_parts_are_still_closed() -> None:
         ("a.svg", b"<html>", "not a readable SVG"),
         ("a.svg", b"\xff\xfe\x00", "not a readable SVG"),
         ("a.svg", SVG.format("").encode(), "no silhouette"),
-        ("a.svg", SVG.format('<image href="/etc/hostname" width="9" height="9"/>').encode(), "no silhouette"),
+        ("a.svg", SVG.format('<image href="/etc/hostname" width="9" height="9"/>').encode(), "/etc/hostname"),
+        ("a.svg", SVG.format("<svg:image\n xlink:href = 'b.png' />").encode(), "'b.png'.*embed it"),
+        ("a.svg", SVG.format('<image href="data:image/png;base64,AA"/>').encode(), "no silhouette"),
         ("a.svg", SVG.format('<rect width="100" height="50"/>').encode(), "no silhouette"),
     ],
 )

@@ -112,6 +112,72 @@ def test_gltf_instances_are_parts_in_their_places(tmp_path: Path) -> None:
         assert part.volume == pytest.approx(1)  # outwards, mirrored too
 
 
+def test_concave_polygons_keep_their_outline(tmp_path: Path) -> None:
+    """An L, an arrow (a concave quadrilateral) and a convex pentagon, each turned into space."""
+    shapes = {
+        "ell": ([(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)], 5.0),
+        "arrow": ([(2, 0), (0, 1), (-2, 0), (0, 4)], 6.0),
+        "pentagon": ([(0, 0), (2, 0), (3, 1), (1, 3), (0, 2)], 6.0),
+    }
+    turn = trimesh.transformations.random_rotation_matrix(np.random.default_rng(4).random(3))[:3, :3]
+    for name, (ring, area) in shapes.items():
+        for rows in (ring, ring[::-1], ring[2:] + ring[:2]):
+            points = np.array([(*p, 1e6) for p in rows]) @ turn.T
+            lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
+            lines += [f"vt {x} {y}" for x, y in rows]
+            lines.append("f " + " ".join(f"{i}/{i}" for i in range(1, len(rows) + 1)))
+            mesh = read_mesh(save(tmp_path, f"{name}.obj", "\n".join(lines)))
+            corners = mesh.vertices[mesh.faces]
+            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+            assert np.linalg.norm(normals, axis=1).sum() == pytest.approx(area, abs=1e-4)
+            # all turn as the ring does: their areas add up with one sign
+            x, y = np.array(rows).T
+            signed = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2
+            assert normals.sum(0) @ turn[:, 2] == pytest.approx(signed, abs=1e-4)
+            assert mesh.uv is not None
+            assert mesh.uv_faces is not None
+            np.testing.assert_array_equal(mesh.uv_faces, mesh.faces)
+
+
+def test_a_polygon_that_crosses_itself_is_still_read(tmp_path: Path) -> None:
+    text = "v 0 0 0\nv 2 2 0\nv 2 0 0\nv 0 3 0\nv nan 0 0\n"
+    assert len(read_mesh(save(tmp_path, "a.obj", text.replace("nan", "9") + "f 1 2 3 4\n")).faces) == 2
+    with pytest.raises(InputError, match="NaN"):
+        read_mesh(save(tmp_path, "b.obj", text + "f 1 2 3 4 5\n"))
+    with pytest.raises(InputError, match="indices"):
+        read_mesh(save(tmp_path, "c.obj", text + "f 1 2 3 4 6\n"))
+
+
+def test_faces_without_texture_points_are_counted(tmp_path: Path) -> None:
+    mesh = read_mesh(save(tmp_path, "a.obj", TWO_PARTS + "f 1 2 3 4\n"))
+    assert mesh.uv is None
+    assert mesh.untextured == 2
+    assert read_mesh(save(tmp_path, "b.obj", TWO_PARTS)).untextured == 0
+    assert read_mesh(save(tmp_path, "c.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")).untextured == 0
+
+
+def test_primitives_of_a_mesh_have_the_same_names_every_time(tmp_path: Path) -> None:
+    written = trimesh.Scene(
+        {"one": trimesh.creation.box(), "two": trimesh.creation.icosphere(subdivisions=1)}
+    ).export(file_type="gltf")
+    document = json.loads(written["model.gltf"])
+    both = [mesh["primitives"][0] for mesh in document["meshes"]]
+    document["meshes"] = [{"name": "thing", "primitives": both}]
+    document["nodes"] = [
+        {"name": "thing", "mesh": 0},
+        {"name": "thing_2", "mesh": 0, "translation": [3, 0, 0]},
+    ]
+    document["scenes"], document["scene"] = [{"nodes": [0, 1]}], 0
+    for name, data in written.items():
+        (tmp_path / name).write_bytes(data)
+    path = save(tmp_path, "model.gltf", json.dumps(document))
+    first, second = read_mesh(path), read_mesh(path)
+    assert sorted(first.names) == ["thing_0", "thing_1", "thing_2_0", "thing_2_1"]
+    assert first.names == second.names
+    np.testing.assert_array_equal(first.faces, second.faces)
+    np.testing.assert_array_equal(first.vertices, second.vertices)
+
+
 FAULTS = {
     "missing.obj": None,
     "a.fbx": "x",
