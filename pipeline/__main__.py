@@ -99,7 +99,17 @@ def _options(environment: Mapping[str, str]) -> int:
 
 
 def _out(environment: Mapping[str, str]) -> Path:
-    return Path(environment.get("OUT") or "runs")
+    text = environment.get("OUT") or "runs"
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise InputError(f"OUT is {text!r}, expected a path in UTF-8: choose another folder") from None
+    nearest = next(path for path in (Path(text).absolute(), *Path(text).absolute().parents) if path.exists())
+    if not nearest.is_dir():
+        raise InputError(f"OUT is {text!r}, but {nearest} is a file: choose another folder")
+    if not os.access(nearest, os.W_OK):
+        raise InputError(f"OUT is {text!r}, but {nearest} cannot be written to: choose another folder")
+    return Path(text)
 
 
 def _threads(environment: Mapping[str, str]) -> int:

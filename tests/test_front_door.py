@@ -121,6 +121,20 @@ def test_a_mistyped_variable_is_refused(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("out", ["README.md", "README.md/runs", "runs\udcff"])
+@pytest.mark.parametrize("command", ["run", "plan"])
+def test_a_folder_that_cannot_be_made(
+    command: str, out: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from pipeline.__main__ import main
+
+    monkeypatch.chdir(ROOT)
+    assert main([command], {"PROMPT": "a chair", "OUT": out}) == 2
+    message = capsys.readouterr().err
+    assert message.startswith("error: OUT is ")
+    assert message.count("\n") == 1
+
+
 @pytest.mark.parametrize("threads", ["0", "-1", "two", "1e3", "2000"])
 def test_threads_out_of_range(threads: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from pipeline.__main__ import main

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from pipeline.report.unneeded import unneeded
+
 STYLE = """
 :root { color-scheme: light dark; --line: #8884; --dim: #888; }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }
@@ -63,6 +65,8 @@ def render(page: Page) -> str:
         "<h2>Stages</h2>",
         _stages(page.entries),
         *(_shares(entry) for entry in page.entries),
+        "<h2>Left out, since this scene does not need it</h2>",
+        f"<ul>{''.join(f'<li>{html.escape(line)}</li>' for line in unneeded(page.entries))}</ul>",
         "<h2>Figures</h2>",
         *(_figures(entry) for entry in page.entries if set(entry["metrics"]) - {"warnings"}),
         "<h2>Job</h2>",
@@ -95,7 +99,7 @@ def _stages(entries: list[dict[str, Any]]) -> str:
 
 
 def _shares(entry: dict[str, Any]) -> str:
-    """Say where a stage's time went, as a bar, and what it skipped for this scene."""
+    """Say where a stage's time went, as a bar."""
     name, metrics = html.escape(entry["stage"]), entry["metrics"]
     parts = []
     if sum(metrics.get("seconds", {}).values()):
@@ -104,12 +108,6 @@ def _shares(entry: dict[str, Any]) -> str:
         bar = "".join(f'<span style="width:{share:.2f}%" title="{part}"></span>' for part, share in shares)
         told = ", ".join(f"{part} {share:.0f} %" for part, share in shares)
         parts.append(f"<p>{name}, time in steps: {told}</p><div class=bar>{bar}</div>")
-    if metrics.get("skipped_samples"):
-        told = ", ".join(f"{100 * v:.1f} % {html.escape(k)}" for k, v in metrics["skipped_samples"].items())
-        parts.append(f"<p>{name}, samples of rays skipped: {told}</p>")
-    if metrics.get("skipped_steps"):
-        steps, skipped = metrics["steps"], metrics["skipped_steps"]
-        parts.append(f"<p>{name}, converged: {skipped} of {steps + skipped} steps skipped</p>")
     return "".join(parts)
 
 

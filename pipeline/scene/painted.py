@@ -45,7 +45,7 @@ def complete(
     What is on the surface but was not seen continues what is nearest on the surface; the rest of a texture
     continues the nearest texel: a decoder, or a bilinear lookup, that reaches over a chart's border then
     finds the chart's own colours. `seen_share` is the share of the surface's texels (or faces) that some view
-    saw.
+    saw, `colours` how many texels (or faces) were optimised, `unseen_colours` how many were not.
     """
     surface = face_texels(mesh) if texture is None else surface_texels(mesh, texture)
     known = np.zeros(len(mesh.faces) if texture is None else texture**2, bool)
@@ -59,7 +59,8 @@ def complete(
         known[surface.place] = True
     if texture is not None:
         latents = extend(latents.reshape(texture, texture, 4), known.reshape(texture, texture)).reshape(-1, 4)
-    return latents, {"seen_share": float(on_surface.mean()), "colours": len(seen)}
+    figures = {"seen_share": float(on_surface.mean()), "colours": len(seen)}
+    return latents, {**figures, "unseen_colours": len(latents) - len(seen)}
 
 
 def extend(values: Float[np.ndarray, "s s c"], known: Bool[np.ndarray, "s s"]) -> Float[np.ndarray, "s s c"]:

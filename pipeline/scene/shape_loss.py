@@ -59,3 +59,8 @@ def shape_loss(
 def nearest_judged(sigma: float, least_weight: float = LEAST_WEIGHT) -> float:
     """Return the distance [scene units] below which a point's weight is less than `least_weight`."""
     return sigma * math.sqrt(-2 * math.log1p(-least_weight))
+
+
+def unjudged_share(sketch: Sketch, sigma: float) -> float:
+    """Return the share of the box that is so near the sketch's surface that the loss leaves it out."""
+    return float((sketch.distance < nearest_judged(sigma)).mean())

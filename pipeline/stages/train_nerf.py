@@ -23,6 +23,7 @@ from pipeline.scene.cameras import Camera, ring
 from pipeline.scene.convergence import KEPT, LOOK_EVERY, converged, look
 from pipeline.scene.rendering import count_samples, render_views
 from pipeline.scene.scene import Scene, density, save_scene
+from pipeline.scene.shape_loss import unjudged_share
 from pipeline.scene.sketch import Sketch, load_sketch
 from pipeline.scene.training import Figures, State, initial_state, training_step
 from pipeline.stage import Context, Progress, execute, say
@@ -180,6 +181,7 @@ def main(context: Context) -> None:
         resolution=resolution,
         skipped_samples=count_samples(state.scene, preview_cameras(options), resolution).skipped(),
         skipped_steps=options.steps - state.step,
+        **({} if sketch is None else {"unjudged_share": unjudged_share(sketch, options.shape_sigma)}),
         **summary(state, history),
     )
 

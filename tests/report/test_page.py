@@ -91,6 +91,6 @@ def test_it_says_where_the_time_went_and_what_was_skipped() -> None:
     metrics = {"seconds": seconds, "skipped_samples": {"in <empty> cells": 0.625}}
     reader = read(dataclasses.replace(PAGE, entries=[{**ENTRY, "stage": "train_nerf", "metrics": metrics}]))
     assert "train_nerf, time in steps: render 10 %, denoiser 60 %, backward 20 %, rest 10 %" in reader.text
-    assert "62.5 % in <empty> cells" in reader.text
+    assert "train_nerf: samples of its rays: 62.5 % in <empty> cells" in reader.text
     bars = [attrs["style"] for tag, attrs in reader.tags if tag == "span"]
     assert bars == ["width:10.00%", "width:60.00%", "width:20.00%", "width:10.00%"]

@@ -79,3 +79,4 @@ def test_unseen_places_continue_their_neighbours_on_the_surface(ball: Mesh) -> N
     latents, figures = complete(ball, seen, colours, 64)
     np.testing.assert_allclose(latents, 1.0, atol=1e-6)
     assert figures["seen_share"] == pytest.approx(len(seen) / len(texels.place))
+    assert figures["colours"] + figures["unseen_colours"] == 64 * 64

@@ -7,7 +7,7 @@ import trimesh
 
 from pipeline.nerf_options import TrainNerf
 from pipeline.scene.scene import density as scene_density
-from pipeline.scene.shape_loss import LEAST_WEIGHT, LENGTH, nearest_judged, shape_loss
+from pipeline.scene.shape_loss import LEAST_WEIGHT, LENGTH, nearest_judged, shape_loss, unjudged_share
 from pipeline.scene.sketch import Sketch, look_up, solid_cells, volume_iou
 from pipeline.scene.training import initial_state, training_step
 from pipeline.scene.winding import tabulate
@@ -50,6 +50,12 @@ def test_value_and_gradient_are_the_equations(bar: Sketch, sigma: float) -> None
     np.testing.assert_array_equal(judged, distance >= nearest_judged(sigma))
     weight = 1 - np.exp(-(nearest_judged(sigma) ** 2) / (2 * sigma**2))
     assert weight == pytest.approx(LEAST_WEIGHT)
+
+
+def test_the_share_left_out_is_that_of_random_points(bar: Sketch) -> None:
+    assert unjudged_share(bar, 0.01) < unjudged_share(bar, 1.5) < 0.2
+    _, gradient = shape_loss(bar, 1.5, POINTS, np.ones(len(POINTS), np.float32))
+    assert unjudged_share(bar, 1.5) == pytest.approx((gradient == 0).mean(), abs=0.02)
 
 
 def test_any_density_gives_finite_numbers(bar: Sketch) -> None:
