@@ -5,6 +5,7 @@ it imports, transitively), the versions of the packages these import, and the co
 """
 
 import ast
+import contextlib
 import functools
 import hashlib
 import importlib.metadata
@@ -139,12 +140,19 @@ def damaged(run: Path, entry: Entry) -> list[str]:
 
 
 def twin(run: Path, stage: str, key: str) -> Path | None:
-    """Return a sibling run that holds intact outputs of this stage under this key, or None."""
-    for candidate in sorted(run.parent.glob(f"*/stages/{stage}.json"), key=os.path.getmtime, reverse=True):
+    """Return the newest sibling run that holds intact outputs of this stage under this key, or None.
+
+    Siblings that cannot be read, or that someone is deleting, are passed over.
+    """
+    found = []
+    for candidate in run.parent.glob(f"*/stages/{stage}.json"):
         sibling = candidate.parents[1]
-        if sibling.is_symlink() or sibling == run:
-            continue
         entry = read_entry(sibling, stage)
-        if entry and entry["key"] == key and not damaged(sibling, entry):
-            return sibling
+        if not sibling.is_symlink() and sibling != run and entry and entry["key"] == key:
+            with contextlib.suppress(OSError):
+                found.append((os.path.getmtime(candidate), sibling, entry))
+    for _, sibling, entry in sorted(found, key=lambda one: one[0], reverse=True):
+        with contextlib.suppress(OSError, KeyError, TypeError, AttributeError):
+            if not damaged(sibling, entry):
+                return sibling
     return None

@@ -2,6 +2,7 @@
 
 import ast
 import importlib.metadata
+import json
 import os
 from pathlib import Path
 
@@ -134,3 +135,26 @@ def test_damage_is_named(tmp_path: Path) -> None:
     (tmp_path / "empty").write_text("")
     (tmp_path / "other").write_text("contenT")
     assert provenance.damaged(tmp_path, entry) == ["empty is empty", "other was changed", "gone is missing"]
+
+
+def test_a_twin_is_the_newest_intact_run_and_broken_ones_are_passed_over(tmp_path: Path) -> None:
+    def sibling(name: str, key: object, outputs: object, age: float) -> Path:
+        path = provenance.entry_path(tmp_path / name, "bake")
+        path.parent.mkdir(parents=True)
+        path.write_text(json.dumps({"key": key, "outputs": outputs, "inputs": {}}))
+        os.utime(path, (1e9 - age, 1e9 - age))
+        (tmp_path / name / "a.png").write_bytes(b"picture")
+        return tmp_path / name
+
+    whole = {"a": {"path": "a.png", "sha256": file_sha256(sibling("own", "k", {}, 0) / "a.png")}}
+    older = sibling("older", "k", whole, 20)
+    newer = sibling("newer", "k", whole, 10)
+    sibling("another-key", "other", whole, 1)
+    sibling("changed", "k", {"a": {**whole["a"], "sha256": "0"}}, 1)
+    for row, outputs in enumerate([["a"], 3, {"a": {}}, {"a": {"path": 7}}, {"a": {"path": "x" * 300}}]):
+        sibling(f"broken{row}", "k", outputs, 1)
+    (tmp_path / "latest").symlink_to(tmp_path / "own")
+    assert provenance.twin(tmp_path / "own", "bake", "k") == newer
+    (newer / "a.png").write_bytes(b"")
+    assert provenance.twin(tmp_path / "own", "bake", "k") == older
+    assert provenance.twin(older, "bake", "none") is None
