@@ -52,8 +52,9 @@ PAPER: dict[str, Any] = {
 PLAIN = ("ball", "boxes", "car")
 """Scenes of the long runs, the plain one and high: when all six were compared, those that took the defaults
 the most calls to be as good as the plain run (500, 240, 300; torus 210, horse 130, piano 50)."""
-SHORT, LONG = "50", "500"
-"""Steps of further runs of these scenes: one cut short, and high for longer, which may come to rest."""
+SHORT, LONG, LONGEST = "50", "500", "1000"
+"""Steps of further runs: of these scenes, one cut short and high for longer; of the first, which comes to
+rest before the others do, high for longer still."""
 TO_THE_END = "{}, to the end"
 
 
@@ -88,6 +89,7 @@ def runs_that_may_stop() -> dict[str, Job]:
         "standard": job_of("standard"),
         "high": job_of("high"),
         LONG: job_of("high", steps=int(LONG)),
+        LONGEST: job_of("high", steps=int(LONGEST)),
     }
 
 
@@ -95,8 +97,15 @@ def end_of(name: str, truth: Truth, job: Job, cache: Path, resolution: int) -> T
     """Return the trial of a job that does not stop early, or None where it takes all of its steps anyway."""
     if kept(name, truth, job, 0, cache, resolution)[-1]["steps"] == job.train_nerf.steps:
         return None
-    whole = dataclasses.replace(job, train_nerf=dataclasses.replace(job.train_nerf, convergence=0.0))
-    return Trial(TO_THE_END.format(name), truth.name, whole, 0, resolution)
+    return whole(name, truth, job, resolution)
+
+
+def whole(name: str, truth: Truth, job: Job, resolution: int) -> Trial:
+    """Return the trial of a job without convergence."""
+    options = dataclasses.replace(job.train_nerf, convergence=0.0)
+    return Trial(
+        TO_THE_END.format(name), truth.name, dataclasses.replace(job, train_nerf=options), 0, resolution
+    )
 
 
 def to_the_end(name: str, truth: Truth, job: Job, cache: Path, resolution: int) -> list[dict[str, Any]]:
@@ -245,9 +254,12 @@ def main(folder: Path) -> dict[str, Any]:
     everywhere = {quality: qualities[quality] for quality in ("draft", "standard")}
     on_plain = {"paper": job_of("standard", **PAPER), **others, "high": qualities["high"]}
     scenes = {name: truths if name in everywhere else plain for name in (*everywhere, *on_plain)}
+    scenes[LONGEST] = plain[:1]
     fill(
         [
             *trials(plain, on_plain, RESOLUTION),
+            *trials(plain[:1], {LONGEST: stopping[LONGEST]}, RESOLUTION),
+            whole(LONGEST, plain[0], stopping[LONGEST], RESOLUTION),  # known to stop: no waiting for its end
             *trials(truths, everywhere, RESOLUTION),
             *(Trial("paint", truth.name, job) for job in qualities.values() for truth in truths),
         ],
@@ -258,6 +270,7 @@ def main(folder: Path) -> dict[str, Any]:
     measured = {
         **measure(plain, on_plain, CACHE, RESOLUTION),
         **measure(truths, everywhere, CACHE, RESOLUTION),
+        **measure(plain[:1], {LONGEST: stopping[LONGEST]}, CACHE, RESOLUTION),
         **{
             TO_THE_END.format(n): {t.name: to_the_end(n, t, job, CACHE, RESOLUTION) for t in scenes[n]}
             for n, job in stopping.items()

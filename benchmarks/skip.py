@@ -29,7 +29,7 @@ from benchmarks._savings import Row, table
 from benchmarks._timing import in_turn
 from benchmarks._trials import RESOLUTION, backgrounds, held_out, job_of, kept, learn
 from benchmarks._truths import Truth, analytic_scenes
-from benchmarks.oracle import CACHE, PLAIN, runs_that_may_stop, to_the_end
+from benchmarks.oracle import CACHE, LONGEST, PLAIN, runs_that_may_stop, to_the_end
 from pipeline.diffusion.bundle import open_bundle
 from pipeline.diffusion.distillation import sds_gradient
 from pipeline.diffusion.prompts import view_index, view_texts
@@ -289,6 +289,7 @@ def main(folder: Path) -> dict[str, Any]:
             for one in analytic_scenes()
             if one.name in PLAIN
             for name, job in runs_that_may_stop().items()
+            if name != LONGEST or one.name == PLAIN[0]
         ),
         guidance(rounds),
         unused_texts(job, rounds),
