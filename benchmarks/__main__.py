@@ -25,7 +25,7 @@ BY_NAME = {
     "guidance": "16 min",
     "latent-vs-rgb": "5 min",
     "learn-token": "16 min",
-    "oracle-choices": "9 min",
+    "oracle-choices": "15 min",
     "paint": "15 min",
     "refine": "6 min",
     "sd14": "12 min and 8 GB",
