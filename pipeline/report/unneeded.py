@@ -24,7 +24,7 @@ def unneeded(entries: Sequence[dict[str, Any]]) -> list[str]:
     stages = {entry["stage"] for entry in entries}
     optional = ["refine_paint"] if "train_paint" in stages else ["sketch", "refine"]
     if absent := [OPTIONAL[name] for name in optional if name not in stages]:
-        lines.append(f"not asked for, so not opened: the models of {' and '.join(absent)}")
+        lines.append(f"not asked for, so neither run nor loaded: {' and '.join(absent)}")
     if reused := [entry["stage"] for entry in entries if entry.get("reused_from")]:
         lines.append(f"taken from another run: {', '.join(reused)}")
     return lines

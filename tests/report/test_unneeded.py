@@ -29,7 +29,7 @@ def test_a_text_run() -> None:
         "train_nerf: 10 of 500 steps, since the scene had converged",
         "train_nerf: the sketch's distance in the 1.2 % of the box nearest it",
         "train_nerf: the denoiser's pass without the text, since guidance is 1",
-        "not asked for, so not opened: the models of a sketch and refinement",
+        "not asked for, so neither run nor loaded: a sketch and refinement",
         "taken from another run: bake",
     ]
 
@@ -42,7 +42,7 @@ def test_a_painted_mesh() -> None:
     assert unneeded(entries) == [
         "prepare: unwrapping: the file's texture coordinates are good",
         "train_paint: 8077 of 16384 colours, which no face uses or no view sees",
-        "not asked for, so not opened: the models of refinement",
+        "not asked for, so neither run nor loaded: refinement",
     ]
     assert unneeded([entry("prepare", {"uv": "new (xatlas)"}), *entries[1:], entry("refine_paint")]) == [
         "train_paint: 8077 of 16384 colours, which no face uses or no view sees"
