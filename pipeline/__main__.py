@@ -103,12 +103,12 @@ def _out(environment: Mapping[str, str]) -> Path:
     try:
         text.encode()
     except UnicodeEncodeError:
-        raise InputError(f"OUT is {text!r}, expected a path in UTF-8: choose another folder") from None
+        raise InputError(f"OUT is {text!r}, expected a path in UTF-8: choose another folder with OUT=") from None
     nearest = next(path for path in (Path(text).absolute(), *Path(text).absolute().parents) if path.exists())
     if not nearest.is_dir():
-        raise InputError(f"OUT is {text!r}, but {nearest} is a file: choose another folder")
+        raise InputError(f"OUT is {text!r}, but {nearest} is a file: choose another folder with OUT=")
     if not os.access(nearest, os.W_OK):
-        raise InputError(f"OUT is {text!r}, but {nearest} cannot be written to: choose another folder")
+        raise InputError(f"OUT is {text!r}, but {nearest} cannot be written to: choose another folder with OUT=")
     return Path(text)
 
 
