@@ -100,15 +100,16 @@ def _options(environment: Mapping[str, str]) -> int:
 
 def _out(environment: Mapping[str, str]) -> Path:
     text = environment.get("OUT") or "runs"
+    otherwise = "choose another folder with OUT="
     try:
         text.encode()
     except UnicodeEncodeError:
-        raise InputError(f"OUT is {text!r}, expected a path in UTF-8: choose another folder with OUT=") from None
+        raise InputError(f"OUT is {text!r}, expected a path in UTF-8: {otherwise}") from None
     nearest = next(path for path in (Path(text).absolute(), *Path(text).absolute().parents) if path.exists())
     if not nearest.is_dir():
-        raise InputError(f"OUT is {text!r}, but {nearest} is a file: choose another folder with OUT=")
+        raise InputError(f"OUT is {text!r}, but {nearest} is a file: {otherwise}")
     if not os.access(nearest, os.W_OK):
-        raise InputError(f"OUT is {text!r}, but {nearest} cannot be written to: choose another folder with OUT=")
+        raise InputError(f"OUT is {text!r}, but {nearest} cannot be written to: {otherwise}")
     return Path(text)
 
 
