@@ -109,14 +109,17 @@ def _read_other(path: Path, suffix: str) -> InputMesh:
 
 def _labels(graph: Any, order: dict[str, int]) -> dict[str, str]:
     """Return the name of every node that shows something. trimesh puts the primitives of a mesh that has
-    several into nodes below the mesh's, with random letters: here these are counted, in the file's order."""
-    seen: Counter[str] = Counter()
-    labels = {}
+    several into nodes below the mesh's, with random letters: here these are counted, in the file's order,
+    past names that other nodes have."""
+    count: Counter[str] = Counter()
+    labels, taken = {}, set(graph.nodes)
     for node in sorted(graph.nodes_geometry, key=lambda node: order[graph[node][1]]):
         parent = graph.transforms.parents.get(node, "")
         if re.fullmatch(re.escape(parent) + "_[0-9a-f]{6}", node):
-            labels[node] = f"{parent}_{seen[parent]}"
-            seen[parent] += 1
+            while (label := f"{parent}_{count[parent]}") in taken:
+                count[parent] += 1
+            taken.add(label)
+            labels[node] = label
         else:
             labels[node] = node
     return labels

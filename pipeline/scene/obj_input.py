@@ -94,11 +94,10 @@ def _triangulate(
 
     Polygons lie in `corners` one after the other, `sides` corners each.
     """
-    first = np.cumsum(sides) - sides
-    count = np.maximum(sides - 2, 0)
+    first, count = np.cumsum(sides) - sides, np.maximum(sides - 2, 0)
+    place = np.cumsum(count) - count
     polygon = np.repeat(np.arange(len(sides)), count)
-    step = np.arange(len(polygon)) - np.repeat(np.cumsum(count) - count, count)
-    start = first[polygon]
+    start, step = first[polygon], np.arange(len(polygon)) - place[polygon]
     triangles = np.stack([start, start + step + 1, start + step + 2], axis=1)
     if not len(triangles) or corners.max() >= len(points):  # an index out of range: the caller says so
         return triangles, polygon
@@ -109,7 +108,7 @@ def _triangulate(
         backwards = np.einsum("fk,fk->f", normals, whole[polygon]) < 0
     for row in np.unique(polygon[backwards]):
         ring = points[corners[first[row] : first[row] + sides[row]]]
-        triangles[polygon == row] = first[row] + _cut_ears(ring, whole[row])
+        triangles[place[row] : place[row] + count[row]] = first[row] + _cut_ears(ring, whole[row])
     return triangles, polygon
 
 

@@ -165,14 +165,14 @@ def test_primitives_of_a_mesh_have_the_same_names_every_time(tmp_path: Path) -> 
     document["meshes"] = [{"name": "thing", "primitives": both}]
     document["nodes"] = [
         {"name": "thing", "mesh": 0},
-        {"name": "thing_2", "mesh": 0, "translation": [3, 0, 0]},
+        {"name": "thing_1", "mesh": 0, "translation": [3, 0, 0]},
     ]
     document["scenes"], document["scene"] = [{"nodes": [0, 1]}], 0
     for name, data in written.items():
         (tmp_path / name).write_bytes(data)
     path = save(tmp_path, "model.gltf", json.dumps(document))
     first, second = read_mesh(path), read_mesh(path)
-    assert sorted(first.names) == ["thing_0", "thing_1", "thing_2_0", "thing_2_1"]
+    assert sorted(first.names) == ["thing_0", "thing_1_0", "thing_1_1", "thing_2"]
     assert first.names == second.names
     np.testing.assert_array_equal(first.faces, second.faces)
     np.testing.assert_array_equal(first.vertices, second.vertices)
