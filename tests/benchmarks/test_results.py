@@ -24,7 +24,8 @@ def test_the_oracle_reaches_the_papers_error_in_a_tenth_of_its_calls() -> None:
     assert plain["standard"]["psnr"] >= plain["paper"]["psnr"]
     assert oracle["convergence"]["worst_error_ratio"] <= 1.05
     assert oracle["convergence"]["worst_normal_error_ratio"] <= 1.05
-    assert oracle["convergence"]["worst_chamfer_ratio"] <= 1.1, "it trembles by 6 % where a ball is at rest"
+    # Wanted is 1.05; measured is 1.064, where looks at a ball at rest differ by up to 9 % from one another.
+    assert oracle["convergence"]["worst_chamfer_ratio"] <= 1.1
     assert oracle["convergence"]["steps_saved"] > 0, "nothing was stopped, so nothing was proven"
 
 
