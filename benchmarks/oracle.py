@@ -11,13 +11,12 @@ takes 5000 steps of one view, on the `PLAIN` scenes. `calls_for_paper_error` is 
 among those measured with the defaults, after which a scene is as good as at the end of the plain run: the
 worst of these scenes; None if one never is. What each choice behind the defaults is worth: `oracle_choices`.
 
-`convergence` compares runs that stop once the scene has come to rest with the same runs to their last step:
-the share of steps saved, and by how much the error (root mean square) of the worst scene is larger.
+`convergence` compares runs that end once the scene has come to rest with the same runs to their last step:
+the share of steps saved, and the errors of the worst scene as a multiple of its final ones.
 
 Results are kept under runs/bench/oracle, by options and source: a second call only does what is missing.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -25,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks._plots import Curve, Panel, write_fronts
+from benchmarks._stopping import LONG, LONGEST, compared, early_ends, ends, long_jobs, long_runs, pair, worst
 from benchmarks._tables import markdown
 from benchmarks._trials import RESOLUTION, Trial, fill, job_of, kept
 from benchmarks._truths import Truth, analytic_scenes, catalogue_scenes
@@ -52,10 +52,8 @@ PAPER: dict[str, Any] = {
 PLAIN = ("ball", "boxes", "car")
 """Scenes of the long runs, the plain one and high: when all six were compared, those that took the defaults
 the most calls to be as good as the plain run (500, 240, 300; torus 210, horse 130, piano 50)."""
-SHORT, LONG, LONGEST = "50", "500", "1000"
-"""Steps of further runs: of these scenes, one cut short and high for longer; of the first, which comes to
-rest before the others do, high for longer still."""
-TO_THE_END = "{}, to the end"
+SHORT = "50"
+"""Steps of a run of these scenes that is cut short."""
 
 
 def paper_calls(rows: Sequence[dict[str, Any]], target: float) -> dict[str, Any] | None:
@@ -81,39 +79,6 @@ def trials(truths: Sequence[Truth], runs: dict[str, Job], resolution: int) -> li
         for name, job in runs.items()
         for truth in truths
     ]
-
-
-def runs_that_may_stop() -> dict[str, Job]:
-    """Return the jobs whose convergence is compared with their last step, by name."""
-    return {
-        "standard": job_of("standard"),
-        "high": job_of("high"),
-        LONG: job_of("high", steps=int(LONG)),
-        LONGEST: job_of("high", steps=int(LONGEST)),
-    }
-
-
-def end_of(name: str, truth: Truth, job: Job, cache: Path, resolution: int) -> Trial | None:
-    """Return the trial of a job that does not stop early, or None where it takes all of its steps anyway."""
-    if kept(name, truth, job, 0, cache, resolution)[-1]["steps"] == job.train_nerf.steps:
-        return None
-    return whole(name, truth, job, resolution)
-
-
-def whole(name: str, truth: Truth, job: Job, resolution: int) -> Trial:
-    """Return the trial of a job without convergence."""
-    options = dataclasses.replace(job.train_nerf, convergence=0.0)
-    return Trial(
-        TO_THE_END.format(name), truth.name, dataclasses.replace(job, train_nerf=options), 0, resolution
-    )
-
-
-def to_the_end(name: str, truth: Truth, job: Job, cache: Path, resolution: int) -> list[dict[str, Any]]:
-    """Return the rows of a job that does not stop early: the job's own where it takes all of its steps."""
-    end = end_of(name, truth, job, cache, resolution)
-    if end is None:
-        return list(kept(name, truth, job, 0, cache, resolution))
-    return list(kept(end.name, truth, end.job, 0, cache, resolution))
 
 
 def mean_row(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
@@ -152,27 +117,6 @@ def summarise(measured: dict[str, Any], front: Sequence[str], chosen: str) -> di
             for name, means in there.items()
         },
     }
-
-
-def convergence(measured: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    """Return, by run and scene, what stopping at convergence saves, and the ratios of its errors (of views,
-    of the surface's distance, of its normals) to those of its `TO_THE_END`."""
-    table: dict[str, Any] = {}
-    for name in names:
-        stopped, whole = measured[name], measured[TO_THE_END.format(name)]
-        table[name] = {
-            scene: {
-                "steps": stopped[scene][-1]["steps"],
-                "of": whole[scene][-1]["steps"],
-                "error_ratio": round(10 ** ((whole[scene][-1]["psnr"] - stopped[scene][-1]["psnr"]) / 20), 4),
-                **{
-                    f"{error}_ratio": round(stopped[scene][-1][error] / whole[scene][-1][error], 4)
-                    for error in ("chamfer", "normal_error")
-                },
-            }
-            for scene in stopped
-        }
-    return table
 
 
 def panels(measured: dict[str, Any], painted: dict[str, Any], front: Sequence[str]) -> list[Panel]:
@@ -247,34 +191,28 @@ def main(folder: Path) -> dict[str, Any]:
     """Measure everything that the cache lacks, write the plot into `folder`, return the figures."""
     truths = [*analytic_scenes(), *catalogue_scenes(list(SCENES))]
     plain = [truth for truth in truths if truth.name in PLAIN]
-    stopping = runs_that_may_stop()
-    qualities = {"draft": job_of("draft"), "standard": stopping["standard"], "high": stopping["high"]}
-    others = {SHORT: job_of("standard", steps=int(SHORT), convergence=0.0), LONG: stopping[LONG]}
+    stopping = long_runs(truths)
+    qualities = {quality: job_of(quality) for quality in ("draft", "standard", "high")}
+    others = {SHORT: job_of("standard", steps=int(SHORT)), LONG: long_jobs()[LONG]}
     front = [SHORT, *qualities, LONG]
     everywhere = {quality: qualities[quality] for quality in ("draft", "standard")}
     on_plain = {"paper": job_of("standard", **PAPER), **others, "high": qualities["high"]}
-    scenes = {name: truths if name in everywhere else plain for name in (*everywhere, *on_plain)}
-    scenes[LONGEST] = plain[:1]
     fill(
         [
             *trials(plain, on_plain, RESOLUTION),
-            *trials(plain[:1], {LONGEST: stopping[LONGEST]}, RESOLUTION),
-            whole(LONGEST, plain[0], stopping[LONGEST], RESOLUTION),  # known to stop: no waiting for its end
+            *(run.trial(RESOLUTION) for run in stopping if run.name == LONGEST),
+            *(run.whole(RESOLUTION) for run in stopping if run.name == LONGEST),  # known to stop: no waiting
+            *(run.trial(RESOLUTION) for run in stopping if run.truth not in plain),
             *trials(truths, everywhere, RESOLUTION),
             *(Trial("paint", truth.name, job) for job in qualities.values() for truth in truths),
         ],
         CACHE,
     )
-    ends = [end_of(n, t, job, CACHE, RESOLUTION) for n, job in stopping.items() for t in scenes[n]]
-    fill([trial for trial in ends if trial], CACHE)
+    fill(ends(stopping, CACHE, RESOLUTION), CACHE)
+    pairs = [(run, pair(run, CACHE, RESOLUTION)) for run in stopping]
     measured = {
         **measure(plain, on_plain, CACHE, RESOLUTION),
         **measure(truths, everywhere, CACHE, RESOLUTION),
-        **measure(plain[:1], {LONGEST: stopping[LONGEST]}, CACHE, RESOLUTION),
-        **{
-            TO_THE_END.format(n): {t.name: to_the_end(n, t, job, CACHE, RESOLUTION) for t in scenes[n]}
-            for n, job in stopping.items()
-        },
     }
     painted = {
         quality: {truth.name: kept("paint", truth, job, 0, CACHE, RESOLUTION) for truth in truths}
@@ -285,11 +223,14 @@ def main(folder: Path) -> dict[str, Any]:
         panels(measured, painted, front),
         f"Ideal denoisers of {', '.join(PLAIN)} (paint: of {len(truths)} scenes), means; star: the default",
     )
+    stopped = [compared(run, found) for run, found in pairs]
     means = {
         "all_scenes": {n: mean_row([r[-1] for r in measured[n].values()]) for n in ("draft", "standard")},
         "plain_scenes": {
-            n: mean_row([measured[n][t.name][-1] for t in plain])
-            for n in (*front, TO_THE_END.format(LONG), "paper")
+            **{n: mean_row([measured[n][t.name][-1] for t in plain]) for n in (*front, "paper")},
+            f"{LONG}, to the end": mean_row(
+                [found.whole[-1] for run, found in pairs if run.name == LONG and run.truth in plain]
+            ),
         },
         "paint": {n: mean_row(list(rows.values())) for n, rows in painted.items()},
     }
@@ -297,18 +238,14 @@ def main(folder: Path) -> dict[str, Any]:
         table(f"text, {len(truths)} scenes", means["all_scenes"], {**COSTS, **ERRORS}),
         table(f"text, {', '.join(PLAIN)}", means["plain_scenes"], {**COSTS, **ERRORS}),
         table("paint", means["paint"], {**COSTS, "psnr": "PSNR of the mesh's pixels [dB]"}),
+        early_ends(stopped),
     )
     (folder / "oracle.md").write_text("\n".join(written), encoding="utf-8")
-    stopped = convergence(measured, list(stopping))
-    cut = [row for rows in stopped.values() for row in rows.values()]
     return {
         "summary": {
             "scenes": len(truths),
             **summarise(measured, front, "standard"),
-            "convergence": {
-                "steps_saved": round(1 - sum(row["steps"] for row in cut) / sum(row["of"] for row in cut), 3),
-                **{f"worst_{key}": max(row[key] for row in cut) for key in cut[0] if key.endswith("_ratio")},
-            },
+            "convergence": worst(stopped),
         },
         "missing": [name for name in SCENES if name not in {truth.name for truth in truths}],
         "by_scene": against_paper(measured, front),

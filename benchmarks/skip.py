@@ -26,10 +26,11 @@ import torch
 from benchmarks import _plain
 from benchmarks._ideal import ideal_guidance, linear_schedule
 from benchmarks._savings import Row, table
+from benchmarks._stopping import Stopping, long_runs, pair
 from benchmarks._timing import in_turn
-from benchmarks._trials import RESOLUTION, backgrounds, held_out, job_of, kept, learn
-from benchmarks._truths import Truth, analytic_scenes
-from benchmarks.oracle import CACHE, LONGEST, PLAIN, runs_that_may_stop, to_the_end
+from benchmarks._trials import RESOLUTION, backgrounds, held_out, job_of, learn
+from benchmarks._truths import Truth, analytic_scenes, catalogue_scenes
+from benchmarks.oracle import CACHE, SCENES
 from pipeline.diffusion.bundle import open_bundle
 from pipeline.diffusion.distillation import sds_gradient
 from pipeline.diffusion.prompts import view_index, view_texts
@@ -125,12 +126,11 @@ def progressive(truth: Truth, job: Job, resolution: int) -> list[Row]:
     return rows
 
 
-def after_convergence(truth: Truth, name: str, job: Job, resolution: int, cache: Path) -> Row:
-    """Return what stopping at convergence saves a job; the trials are those of `oracle`."""
-    stopped = kept(name, truth, job, 0, cache, resolution)[-1]
-    full = to_the_end(name, truth, job, cache, resolution)[-1]
-    called = f"{name} steps" if name.isdigit() else name
-    return Row(f"iterations after convergence: {truth.name}, {called}", "train_nerf.convergence", "on",
+def after_convergence(run: Stopping, cache: Path, resolution: int) -> Row:
+    """Return what ending at rest saves a run; the trials are those of `oracle`."""
+    stopped, full = (rows[-1] for rows in pair(run, cache, resolution))
+    called = f"{run.truth.name}, {full['steps']} steps"
+    return Row(f"iterations after convergence: {called}", "train_nerf.convergence", "on",
                "steps", float(full["steps"]), float(stopped["steps"]), full["psnr"] - stopped["psnr"],
                "PSNR of held-out views [dB lost]", (full["seconds"], stopped["seconds"]))  # fmt: skip
 
@@ -285,11 +285,8 @@ def main(folder: Path) -> dict[str, Any]:
         *rendering(learned(truth, job, RESOLUTION), held_out(job.train_nerf), RESOLUTION, rounds),
         *progressive(truth, job, RESOLUTION),
         *(
-            after_convergence(one, name, job, RESOLUTION, CACHE)
-            for one in analytic_scenes()
-            if one.name in PLAIN
-            for name, job in runs_that_may_stop().items()
-            if name != LONGEST or one.name == PLAIN[0]
+            after_convergence(run, CACHE, RESOLUTION)
+            for run in long_runs([*analytic_scenes(), *catalogue_scenes(SCENES)])
         ),
         guidance(rounds),
         unused_texts(job, rounds),

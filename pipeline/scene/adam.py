@@ -10,6 +10,8 @@ import torch
 from torch import Tensor, nn
 
 BETAS, EPSILON = (0.9, 0.99), 1e-15  # as the paper's code has them
+_COLDEST = 0.1
+"""Share of the learning rates that is left at the end of a cooling."""
 
 
 class Adam:
@@ -61,3 +63,14 @@ class Adam:
                     amsgrad=False,
                     maximize=False,
                 )
+
+
+def rate_share(cooling: float, progress: float) -> float:
+    """Return the share of the learning rates at `progress` in [0, 1] of a run: 1 until its last share
+    `cooling`, over which it falls linearly to a tenth.
+
+    Noise and views are drawn anew each step, so at a constant rate what is learned trembles around what it
+    has come to; the more so, the longer it has had for it.
+    """
+    cooled = (progress - (1 - cooling)) / cooling if cooling else 0.0
+    return 1 - (1 - _COLDEST) * min(max(cooled, 0.0), 1.0)

@@ -16,7 +16,12 @@ from pipeline.scene.training import State, make_optimizer
 
 def save(folder: Path, state: State, history: list[dict[str, Any]]) -> None:
     """Write the state after `state.step` steps and the history so far; drop all but the last two files."""
-    progress = {"step": state.step, "rng": state.rng.bit_generator.state, "history": history}
+    progress = {
+        "step": state.step,
+        "rest_at": state.rest_at,
+        "rng": state.rng.bit_generator.state,
+        "history": history,
+    }
     values = {
         "progress": np.frombuffer(json.dumps(progress).encode(), np.uint8),
         **{f"scene.{name}": array for name, array in scenes.to_arrays(state.scene).items()},
@@ -52,5 +57,6 @@ def _decode(values: Mapping[str, np.ndarray], options: TrainNerf) -> tuple[State
     checkpoint_files.restore_adam(optimizer, values)
     rng = np.random.default_rng()
     rng.bit_generator.state = progress["rng"]
-    state = State(scene, optimizer, rng, progress["step"], list(values.get("looks", ())))
+    looks = list(values.get("looks", ()))
+    state = State(scene, optimizer, rng, progress["step"], looks, progress["rest_at"])
     return state, progress["history"]

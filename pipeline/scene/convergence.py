@@ -1,17 +1,22 @@
-"""Whether a scene has stopped changing, so that the rest of its training can be skipped.
+"""Whether a scene has come to rest, and how its training then ends early.
 
 A scene in score distillation never comes to rest, since noise and views are drawn anew each step. It has
 converged when it trembles without going anywhere: when fixed views differ from one stretch of steps to the
-next no more than within these stretches.
+next no more than within these stretches. Going on would then only shrink the trembling, little by little, as
+less noise is drawn. Letting the learning rates fall shrinks it at once: `COOLING` steps at falling rates, in
+which the rest of the schedule runs by, end a training with no larger an error than all the steps that they
+replace.
 
 Letters: n looks at the scene, v views, h x w latent pixels.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from pipeline.scene.adam import rate_share
 from pipeline.scene.cameras import Camera
 from pipeline.scene.rendering import render_views
 from pipeline.scene.scene import Scene
@@ -24,6 +29,8 @@ CALM = 3
 """So many looks in a row have to find the scene at rest."""
 KEPT = 2 * WINDOW + CALM - 1
 """Looks that the decision needs."""
+COOLING = 100
+"""Steps in which a scene that was found at rest comes to its end."""
 
 
 def look(scene: Scene, cameras: Sequence[Camera], size: int) -> Float[np.ndarray, "v 4 h w"]:
@@ -51,3 +58,38 @@ def converged(looks: Sequence[Float[np.ndarray, "v 4 h w"]], bound: float) -> bo
         return False
     recent = np.stack(looks[-KEPT:])
     return all(drift(recent[start : start + 2 * WINDOW]) < bound for start in range(CALM))
+
+
+class Pace(NamedTuple):
+    """Where a step is in its run."""
+
+    progress: float
+    """In [0, 1]: what noise, guidance and losses go by."""
+    rate: float
+    """Share of the learning rates, in (0, 1]."""
+
+
+def pace(step: int, steps: int, rest_at: int | None) -> Pace:
+    """Return the pace of a step (counted from 0) of a run of so many steps.
+
+    A scene found at rest after `rest_at` steps goes through what is left of the schedule in `COOLING` steps,
+    while the rates fall to a tenth.
+    """
+    progress = step / max(steps - 1, 1)
+    if rest_at is None:
+        return Pace(progress, 1.0)
+    cooled = (step + 1 - rest_at) / COOLING
+    found = rest_at / max(steps - 1, 1)
+    return Pace(found + (1 - found) * cooled, rate_share(1.0, cooled))
+
+
+def first_decision(steps: int) -> int | None:
+    """Return the step after which a run of so many may first be found at rest: half of them done, and looked
+    at often enough; None where cooling from there would save nothing."""
+    first = max(-(-steps // 2), KEPT * LOOK_EVERY)
+    return first if first + COOLING < steps else None
+
+
+def last_step(steps: int, rest_at: int | None) -> int:
+    """Return how many steps a run takes in all."""
+    return steps if rest_at is None else rest_at + COOLING

@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from torch import nn
 
 from pipeline.paint_options import TrainPaint
-from pipeline.scene.adam import Adam
+from pipeline.scene.adam import Adam, rate_share
 from pipeline.scene.background import Background, FlatBackground, LearnedBackground
 from pipeline.scene.batch import Batch, Guidance, make_batch, require_finite, require_steppable
 from pipeline.scene.cameras import Camera, camera_rays, sample_cameras
@@ -143,21 +143,6 @@ def paint_step(
     seconds = dict(zip(("render", "denoiser", "backward"), np.diff(clock).tolist(), strict=True))
     norm = math.sqrt(float(np.square(gradient, dtype=np.float64).sum()) / len(gradient))
     return PaintFigures(norm, float(np.mean([view.covered.mean() for view in views])), seconds)
-
-
-_COLDEST = 0.1
-"""Share of the learning rates that is left at the end of a cooling."""
-
-
-def rate_share(cooling: float, progress: float) -> float:
-    """Return the share of the learning rates at `progress` in [0, 1] of a run: 1 until its last share
-    `cooling`, over which it falls linearly to a tenth.
-
-    Noise and views are drawn anew each step, so at a constant rate colours tremble around what they have
-    come to; the more so, the longer they have had for it.
-    """
-    cooled = (progress - (1 - cooling)) / cooling if cooling else 0.0
-    return 1 - (1 - _COLDEST) * min(max(cooled, 0.0), 1.0)
 
 
 def _behind(background: Background, batch: Batch, size: int) -> torch.Tensor:

@@ -22,6 +22,7 @@ from pipeline.scene.adam import Adam
 from pipeline.scene.background import FlatBackground, LearnedBackground
 from pipeline.scene.batch import Batch, Guidance, make_batch, require_finite, require_steppable
 from pipeline.scene.cameras import sample_cameras
+from pipeline.scene.convergence import pace
 from pipeline.scene.field import FieldShape, LatentField
 from pipeline.scene.rendering import Rays, Seen, behind, make_rays, render_rays
 from pipeline.scene.scene import Scene, density
@@ -46,6 +47,8 @@ class State:
     """Steps done."""
     looks: list[Float[np.ndarray, "v 4 h w"]] = field(default_factory=list)
     """The last looks at the scene, by which `convergence` judges it."""
+    rest_at: int | None = None
+    """Steps done when it was found at rest; None: it was not."""
 
 
 class Figures(NamedTuple):
@@ -130,7 +133,7 @@ def training_step(
     """
     clock = _Clock()
     scene, step = state.scene, state.step
-    progress = step / max(options.steps - 1, 1)
+    progress, rate = pace(step, options.steps, state.rest_at)
     scene.field.sharpening = options.density_sharpening ** max(0.0, 2 * progress - 1)
     scene.field.active_levels = active_levels(options, progress)
     size = max(1, resolution // 2) if progress < options.coarse_share else resolution
@@ -183,7 +186,7 @@ def training_step(
         state.optimizer.clear_gradients()
         torch.autograd.backward(roots, gradients)
         clock.lap("backward")
-        _update(state)
+        _update(state, rate)
         clock.lap("rest")
     state.step += 1
 
@@ -213,13 +216,14 @@ class _Clock:
         self.last = now
 
 
-def _update(state: State) -> None:
-    """Let the optimiser act on the gradients, which must be finite, as must what it makes."""
+def _update(state: State, rate: float) -> None:
+    """Let the optimiser act on the gradients, which must be finite, as must what it makes, at that share of
+    its rates."""
     modules = state.scene.modules.items()
     parameters = {f"{m}.{n}": p for m, part in modules for n, p in part.named_parameters()}
     for name, parameter in parameters.items():
         require_steppable(name, parameter.grad, state.step)
-    state.optimizer.step()
+    state.optimizer.step(rate)
     for name, parameter in parameters.items():
         require_finite(name, parameter, state.step)
 

@@ -20,7 +20,15 @@ from pipeline.report.latents import latent_preview
 from pipeline.scene import checkpoint, occupancy
 from pipeline.scene.batch import Guidance, require_finite
 from pipeline.scene.cameras import Camera, ring
-from pipeline.scene.convergence import KEPT, LOOK_EVERY, converged, look
+from pipeline.scene.convergence import (
+    COOLING,
+    KEPT,
+    LOOK_EVERY,
+    converged,
+    first_decision,
+    last_step,
+    look,
+)
 from pipeline.scene.rendering import count_samples, render_views
 from pipeline.scene.scene import Scene, density, save_scene
 from pipeline.scene.shape_loss import unjudged_share
@@ -46,8 +54,8 @@ def train(
 ) -> None:
     """Take the steps that `state` has not done yet, then settle its occupancy; record each step in `history`.
 
-    A scene that has converged, by `options.convergence`, takes no further steps. `keep` is called every
-    `checkpoint_every` steps, `show` every `preview_every` steps.
+    A scene that has converged, by `options.convergence`, is cooled and takes no further steps. `keep` is
+    called every `checkpoint_every` steps, `show` every `preview_every` steps.
 
     Raises:
         FloatingPointError: a NaN or an infinity, named by tensor and step.
@@ -57,17 +65,16 @@ def train(
         return training_step(state, options, resolution, guidance, sketch)
 
     cameras = preview_cameras(options)
-
-    # What the first decision needs, and no look before: a draft ends before there could be one.
-    decided = KEPT * LOOK_EVERY
-    first = max(options.steps / 2 - decided, 0)
-    asked = options.convergence > 0 and decided < options.steps
+    first = first_decision(options.steps) if options.convergence > 0 else None
 
     def at_rest(state: State) -> bool:
-        if not asked or state.step <= first or state.step % LOOK_EVERY:
+        # What the first decision needs, and no look before; none after the last step that could save one.
+        if first is None or state.step % LOOK_EVERY:
+            return False
+        if not first - KEPT * LOOK_EVERY < state.step < options.steps - COOLING:
             return False
         state.looks = [*state.looks, look(state.scene, cameras, resolution)][-KEPT:]
-        return 2 * state.step >= options.steps and converged(state.looks, options.convergence)
+        return state.step >= first and converged(state.looks, options.convergence)
 
     take_steps("train_nerf", state, history, options, step, keep, show, at_rest)
 
@@ -82,23 +89,31 @@ def take_steps(
     show: Callable[[Scene], None],
     at_rest: Callable[[State], bool] = lambda state: False,
 ) -> None:
-    """Take the steps of the stage `name` that are not done yet, until the scene is `at_rest`, which is asked
-    after every step; then settle the occupancy. See `train`."""
-    rest = False
-    with Progress(name, options.steps, "steps") as progress:
-        while state.step < options.steps and not rest:
+    """Take the steps of the stage `name` that are not done yet; once the scene is `at_rest`, which is asked
+    after every step, only those that cool it; then settle the occupancy. See `train`."""
+
+    def last() -> int:
+        return last_step(options.steps, state.rest_at)
+
+    with Progress(name, last(), "steps") as progress:
+        while state.step < last():
             figures = step(state)
             history.append(_row(state.step, figures))
             progress.update(
                 state.step, f"gradient {figures.gradient_norm:.2f}, opacity {figures.opacity:.2f}"
             )
-            rest = at_rest(state)
-            if state.step % options.checkpoint_every == 0 and state.step < options.steps and not rest:
+            if state.rest_at is None and at_rest(state):
+                state.rest_at = state.step
+                progress.total = last()
+            if state.step % options.checkpoint_every == 0 and state.step < last():
                 keep(state, history)
             if state.step % options.preview_every == 0:
                 show(state.scene)
-    if rest and state.step < options.steps:
-        say(f"{name}: the scene has converged at step {state.step} of {options.steps}; the rest is skipped")
+    if state.rest_at is not None:
+        say(
+            f"{name}: the scene had converged at step {state.rest_at} of {options.steps}: {COOLING} steps at "
+            f"falling rates have ended it, {options.steps - state.step} were skipped"
+        )
     scene = state.scene
     seen = scene.occupancy.occupied
     scene.occupancy = occupancy.settle(seen, lambda x: density(scene, x), scene.step, state.rng)

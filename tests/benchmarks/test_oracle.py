@@ -2,7 +2,6 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -123,30 +122,6 @@ def test_a_process_of_one_thread_finds_the_same(boxes: Truth, tmp_path: Path) ->
     assert [stored] == list((tmp_path / "other").iterdir())
     here = kept("4", boxes, small(4), 0, tmp_path / "own", 8)
     assert [{**row, "seconds": 0} for row in there] == [{**row, "seconds": 0} for row in here]
-
-
-def test_stopping_early_is_compared_by_scene() -> None:
-    def row(steps: int, psnr: float, chamfer: float, normals: float) -> list[dict[str, Any]]:
-        return [{"steps": steps, "psnr": psnr, "chamfer": chamfer, "normal_error": normals}]
-
-    stopped = {"a": row(60, 20.0, 0.011, 4.0), "b": row(100, 30.0, 0.01, 5.0)}
-    whole = {"a": row(100, 20.1, 0.01, 5.0), "b": row(100, 30.0, 0.01, 5.0)}
-    table = oracle.convergence({"draft": stopped, "draft, to the end": whole}, ["draft"])["draft"]
-    assert table["a"] == {
-        "steps": 60, "of": 100, "error_ratio": pytest.approx(10 ** (0.1 / 20), abs=1e-4),
-        "chamfer_ratio": 1.1, "normal_error_ratio": 0.8,
-    }  # fmt: skip
-    assert table["b"] == {
-        "steps": 100, "of": 100, "error_ratio": 1, "chamfer_ratio": 1, "normal_error_ratio": 1,
-    }  # fmt: skip
-
-
-def test_a_run_that_takes_all_of_its_steps_is_its_own_end(boxes: Truth, tmp_path: Path) -> None:
-    job = small(4)
-    rows = kept("4", boxes, job, 0, tmp_path, 8)
-    assert oracle.end_of("4", boxes, job, tmp_path, 8) is None
-    assert oracle.to_the_end("4", boxes, job, tmp_path, 8) == rows
-    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_calls_for_the_papers_error_are_those_of_the_cheapest_good_run() -> None:

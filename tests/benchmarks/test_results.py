@@ -22,11 +22,15 @@ def test_the_oracle_reaches_the_papers_error_in_a_tenth_of_its_calls() -> None:
     assert oracle["calls_for_paper_error"] <= 500
     plain = oracle["plain_scenes"]
     assert plain["standard"]["psnr"] >= plain["paper"]["psnr"]
-    assert oracle["convergence"]["worst_error_ratio"] <= 1.05
-    assert oracle["convergence"]["worst_normal_error_ratio"] <= 1.05
-    # Wanted is 1.05; measured is 1.064, where looks at a ball at rest differ by up to 9 % from one another.
-    assert oracle["convergence"]["worst_chamfer_ratio"] <= 1.1
-    assert oracle["convergence"]["steps_saved"] > 0, "nothing was stopped, so nothing was proven"
+
+
+def test_training_never_ends_before_every_error_is_within_a_twentieth_of_its_final_value() -> None:
+    convergence = summary("oracle")["convergence"]
+    assert convergence["worst_error_ratio"] <= 1.05
+    assert convergence["worst_normal_error_ratio"] <= 1.05
+    assert convergence["worst_chamfer_ratio"] <= 1.05
+    assert convergence["ended_early"] >= 4, "hardly anything ended early, so hardly anything was proven"
+    assert convergence["steps_saved"] >= 0.1
 
 
 def test_the_kernels_are_as_much_faster_as_asked() -> None:

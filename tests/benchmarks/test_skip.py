@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks import skip
 from benchmarks._savings import Row, table
+from benchmarks._stopping import Pair, Stopping
 from benchmarks._trials import held_out, job_of
 from benchmarks._truths import Truth, analytic_scenes
 from pipeline.asset_options import Extract
@@ -43,12 +44,18 @@ def test_rendering_skips_what_does_not_show(truth: Truth, job: Job) -> None:
     assert hidden.error < 1e-3
 
 
-def test_what_comes_after_convergence_is_compared(truth: Truth, job: Job, tmp_path: Path) -> None:
-    # Every drift but an infinite one is below 10: training ends as soon as it has looked often enough.
-    options = dataclasses.replace(job.train_nerf, steps=160, convergence=10.0, resolution=8)
-    row = skip.after_convergence(truth, "draft", dataclasses.replace(job, train_nerf=options), 8, tmp_path)
-    assert row.on < row.off == 160
-    assert len(list(tmp_path.iterdir())) == 2
+def test_what_comes_after_convergence_is_compared(
+    truth: Truth, job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = Pair(
+        *([{"steps": n, "psnr": p, "seconds": s}] for n, p, s in ((360, 31.9, 5.0), (500, 31.7, 7.0)))
+    )
+    monkeypatch.setattr(skip, "pair", lambda *asked: rows)
+    row = skip.after_convergence(Stopping("500", truth, job), tmp_path, 8)
+    assert row.item == "iterations after convergence: boxes, 500 steps"
+    assert (row.off, row.on) == (500, 360)
+    assert row.error == pytest.approx(-0.2)
+    assert row.processor_seconds == (7.0, 5.0)
 
 
 def test_painting_skips_texels_without_changing_the_others(truth: Truth, job: Job) -> None:

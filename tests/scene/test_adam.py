@@ -3,10 +3,11 @@
 import subprocess
 import sys
 
+import pytest
 import torch
 from torch import nn
 
-from pipeline.scene.adam import BETAS, EPSILON, Adam
+from pipeline.scene.adam import BETAS, EPSILON, Adam, rate_share
 
 
 def parameters() -> list[nn.Parameter]:
@@ -55,3 +56,11 @@ def test_a_training_does_not_import_torchs_compiler() -> None:
     )
     result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "False"
+
+
+def test_the_rate_falls_to_a_tenth_over_the_last_share() -> None:
+    assert [rate_share(0.5, p) for p in (0, 0.5, 0.75, 1)] == pytest.approx([1, 1, 0.55, 0.1])
+    assert [rate_share(1.0, p) for p in (0, 0.5, 1)] == pytest.approx([1, 0.55, 0.1])
+    assert [rate_share(0.0, p) for p in (0, 0.5, 1)] == [1, 1, 1]
+    assert rate_share(0.01, 0.9) == 1
+    assert rate_share(0.5, 1.2) == pytest.approx(0.1), "steps beyond the last do not climb again"

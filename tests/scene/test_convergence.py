@@ -1,14 +1,27 @@
 """Whether training notices that a scene is at rest, and not before."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from pipeline.nerf_options import TrainNerf
 from pipeline.scene import checkpoint
-from pipeline.scene.convergence import CALM, KEPT, LOOK_EVERY, WINDOW, converged, drift
+from pipeline.scene.convergence import (
+    CALM,
+    COOLING,
+    KEPT,
+    LOOK_EVERY,
+    WINDOW,
+    converged,
+    drift,
+    first_decision,
+    last_step,
+    pace,
+)
 from pipeline.scene.training import State, initial_state
 from pipeline.stages.train_nerf import train
 from tests.oracle import TWO_BALLS, oracle_guidance
@@ -66,35 +79,81 @@ def test_every_one_of_the_last_drifts_counts() -> None:
     assert calm == [WINDOW - 1, WINDOW + CALM]
 
 
-def finish(state: State, history: list[dict[str, Any]], options: TrainNerf, folder: Path) -> State:
-    def keep(state: State, history: list[dict[str, Any]]) -> None:
-        checkpoint.save(folder, state, history)
+QUICK: dict[str, Any] = {**SMALL, "cameras_per_step": 1}
 
-    train(state, history, options, 12, oracle_guidance(TWO_BALLS), keep)
+
+def finish(
+    state: State,
+    history: list[dict[str, Any]],
+    options: TrainNerf,
+    keep: Callable[[State, list[dict[str, Any]]], None] = lambda state, history: None,
+) -> State:
+    train(state, history, options, 8, oracle_guidance(TWO_BALLS), keep)
     return state
 
 
-def test_training_ends_early_and_a_resumed_one_at_the_same_step(tmp_path: Path) -> None:
-    options = TrainNerf(steps=200, checkpoint_every=90, convergence=5.0, **SMALL)
+def test_training_ends_early_and_a_resumed_one_just_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Resumed from before the scene was found at rest, and from while it was cooled."""
+    options = TrainNerf(steps=300, checkpoint_every=5, convergence=8.0, **QUICK)
     history: list[dict[str, Any]] = []
-    whole = finish(initial_state(options, BACKGROUNDS, 7), history, options, tmp_path)
-    assert options.steps // 2 <= whole.step < options.steps
-    assert whole.step % LOOK_EVERY == 0
+
+    def keep(state: State, history: list[dict[str, Any]]) -> None:
+        cooling = state.rest_at is not None
+        if state.step == 145 or (cooling and not (tmp_path / "cooling").exists()):
+            checkpoint.save(tmp_path / ("cooling" if cooling else "before"), state, history)
+
+    whole = finish(initial_state(options, BACKGROUNDS, 7), history, options, keep)
+    assert whole.rest_at is not None
+    assert first_decision(options.steps) == 150 <= whole.rest_at
+    assert whole.rest_at % LOOK_EVERY == 0
+    assert whole.step == whole.rest_at + COOLING < options.steps
     assert len(history) == whole.step
     assert len(whole.looks) == KEPT
+    told = f"the scene had converged at step {whole.rest_at} of 300: {COOLING} steps at falling rates"
+    assert f"{told} have ended it, {300 - whole.step} were skipped" in capsys.readouterr().err
 
-    state, before, _ = checkpoint.load(tmp_path, options)
-    assert state is not None
-    assert state.step == 90
-    assert finish(state, before, options, tmp_path).step == whole.step
-    np.testing.assert_array_equal(state.looks, whole.looks)
+    for name, rest_at in (("before", None), ("cooling", whole.rest_at)):
+        state, before, _ = checkpoint.load(tmp_path / name, options)
+        assert state is not None
+        assert state.rest_at == rest_at
+        assert finish(state, before, options).step == whole.step
+        assert state.rest_at == whole.rest_at
+        np.testing.assert_array_equal(state.looks, whole.looks)
+        for ours, theirs in zip(state.optimizer.parameters, whole.optimizer.parameters, strict=True):
+            assert torch.equal(ours, theirs)
 
 
-@pytest.mark.parametrize("convergence", [0.0, 10.0])
-def test_without_a_bound_or_time_for_a_decision_all_steps_are_taken(
-    tmp_path: Path, convergence: float
-) -> None:
-    options = TrainNerf(steps=20, convergence=convergence, **SMALL)
-    state = finish(initial_state(options, BACKGROUNDS, 7), [], options, tmp_path)
-    assert state.step == 20
+@pytest.mark.parametrize(("steps", "convergence"), [(250, 0.0), (20, 10.0), (240, 10.0)])
+def test_without_a_bound_or_a_step_to_save_all_steps_are_taken(steps: int, convergence: float) -> None:
+    options = TrainNerf(steps=steps, convergence=convergence, **QUICK)
+    state = initial_state(options, BACKGROUNDS, 7)
+    state.step = max(steps - 25, 0)
+    finish(state, [], options)
+    assert state.step == steps
+    assert state.rest_at is None
     assert state.looks == []
+
+
+@pytest.mark.parametrize(
+    ("steps", "first"), [(1, None), (240, None), (241, 140), (280, 140), (281, 141), (500, 250), (1001, 501)]
+)
+def test_the_first_decision_comes_at_half_where_that_saves_a_step(steps: int, first: int | None) -> None:
+    assert first_decision(steps) == first
+
+
+def test_a_scene_at_rest_goes_through_the_rest_of_its_schedule_at_falling_rates() -> None:
+    before = [pace(step, 500, None) for step in range(500)]
+    assert [one.progress for one in before] == pytest.approx(np.linspace(0, 1, 500))
+    assert {one.rate for one in before} == {1.0}
+    after = [pace(step, 500, 300) for step in range(300, last_step(500, 300))]
+    assert len(after) == COOLING
+    progress, rates = np.transpose(after)
+    assert before[299].progress < progress[0] < before[304].progress
+    assert progress[-1] == pytest.approx(1)
+    assert rates[-1] == pytest.approx(0.1)
+    np.testing.assert_allclose(np.diff(progress), (1 - 300 / 499) / COOLING)
+    np.testing.assert_allclose(np.diff(rates), -0.9 / COOLING)
+    assert pace(0, 1, None) == (0, 1)
+    assert last_step(500, None) == 500

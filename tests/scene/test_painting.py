@@ -12,7 +12,7 @@ from pipeline.scene.batch import Guidance
 from pipeline.scene.cameras import ring
 from pipeline.scene.mesh import Mesh
 from pipeline.scene.painted import complete
-from pipeline.scene.painting import initial_paint, make_pool, paint_step, rate_share
+from pipeline.scene.painting import initial_paint, make_pool, paint_step
 from pipeline.scene.unwrapping import unwrap_mesh
 from pipeline.scene.view_weights import view_weights
 from tests import shapes
@@ -65,14 +65,6 @@ def test_distillation_finds_the_colours(ball: Mesh, texture: int | None) -> None
         difference = view.render(latents, plain) - view.render(wanted, plain)
         errors.append(np.sqrt((difference**2).mean() / view.covered.mean()))
     assert max(errors) < 0.15
-
-
-def test_the_rate_falls_to_a_tenth_over_the_last_share() -> None:
-    assert [rate_share(0.5, p) for p in (0, 0.5, 0.75, 1)] == pytest.approx([1, 1, 0.55, 0.1])
-    assert [rate_share(1.0, p) for p in (0, 0.5, 1)] == pytest.approx([1, 0.55, 0.1])
-    assert [rate_share(0.0, p) for p in (0, 0.5, 1)] == [1, 1, 1]
-    assert rate_share(0.01, 0.9) == 1
-    assert rate_share(0.5, 1.2) == pytest.approx(0.1), "steps beyond the last do not climb again"
 
 
 def test_colours_move_by_the_rate_of_their_step(ball: Mesh) -> None:
