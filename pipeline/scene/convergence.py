@@ -4,8 +4,8 @@ A scene in score distillation never comes to rest, since noise and views are dra
 converged when it trembles without going anywhere: when fixed views differ from one stretch of steps to the
 next no more than within these stretches. Going on would then only shrink the trembling, little by little, as
 less noise is drawn. Letting the learning rates fall shrinks it at once: `COOLING` steps at falling rates, in
-which the rest of the schedule runs by, end a training with no larger an error than all the steps that they
-replace.
+which the rest of the schedule runs by, do what all the steps do that they replace (`make bench ONLY=oracle`
+compares the errors).
 
 Letters: n looks at the scene, v views, h x w latent pixels.
 """
