@@ -13,7 +13,7 @@ from pipeline.job import Job
 LONG, LONGEST = "500", "1000"
 """Steps of `high` for longer. The qualities' own runs are too short to save a step (`convergence`)."""
 LONGEST_ON = "ball"
-"""The scene of the longest run: of its surface the most is still to be gained after 500 steps."""
+"""The scene of the longest run: that which was cut off too early when runs at rest were not yet cooled."""
 
 
 class Stopping(NamedTuple):

@@ -50,8 +50,8 @@ PAPER: dict[str, Any] = {
 }
 """What the paper's run has otherwise: one view a step, no annealing, its weights (see nerf_options)."""
 PLAIN = ("ball", "boxes", "car")
-"""Scenes of the long runs, the plain one and high: when all six were compared, those that took the defaults
-the most calls to be as good as the plain run (500, 240, 300; torus 210, horse 130, piano 50)."""
+"""Scenes of the plain run, of high and of one cut short: when all six were compared, those that took the
+defaults the most calls to be as good as the plain run (500, 240, 300; torus 210, horse 130, piano 50)."""
 SHORT = "50"
 """Steps of a run of these scenes that is cut short."""
 

@@ -15,7 +15,7 @@ from benchmarks.oracle import CACHE, COSTS, ERRORS, PLAIN, SCENES, mean_row, mea
 CHOICES: dict[str, dict[str, Any]] = {
     "standard": {},
     "rates x 2": {"learning_rate": 2e-3, "grid_learning_rate": 2e-2},
-    "2 views a step, twice the steps": {"cameras_per_step": 2, "steps": 400},
+    "2 views a step, twice the steps": {"cameras_per_step": 2, "steps": 400, "convergence": 0.0},
     "8 views a step, half the steps": {"cameras_per_step": 8, "steps": 100},
     "1 update a call": {"updates_per_call": 1},
     "3 updates a call": {"updates_per_call": 3},

@@ -3,7 +3,8 @@
     make bench ONLY=skip
 
 A row an item of the design's list. `off` and `on` are the cost without and with the saving, in `unit`;
-`processor_seconds` the same in processor time, medians measured in turn, where the work is repeatable.
+`processor_seconds` the same in processor time, medians measured in turn, where the work is repeatable (after
+convergence: of one run each, as `oracle` made them).
 `error` is the largest change that the saving makes to what `error_of` says. Rendering is measured on a torus
 learned from its ideal denoiser, guidance and models on the default bundle, stages on a draft run. `default`
 says whether the product skips it unless told otherwise; what it does not skip, and why, is in `not_done`.

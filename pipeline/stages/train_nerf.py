@@ -65,7 +65,8 @@ def train(
         return training_step(state, options, resolution, guidance, sketch)
 
     cameras = preview_cameras(options)
-    first = first_decision(options.steps) if options.convergence > 0 else None
+    whole_from = max(options.level_ramp, options.coarse_share)
+    first = first_decision(options.steps, whole_from) if options.convergence > 0 else None
 
     def at_rest(state: State) -> bool:
         # What the first decision needs, and no look before; none after the last step that could save one.
@@ -103,7 +104,7 @@ def take_steps(
                 state.step, f"gradient {figures.gradient_norm:.2f}, opacity {figures.opacity:.2f}"
             )
             if state.rest_at is None and at_rest(state):
-                state.rest_at = state.step
+                state.rest_at, state.looks = state.step, []
                 progress.total = last()
             if state.step % options.checkpoint_every == 0 and state.step < last():
                 keep(state, history)

@@ -50,8 +50,9 @@ def test_what_comes_after_convergence_is_compared(
     rows = Pair(
         *([{"steps": n, "psnr": p, "seconds": s}] for n, p, s in ((360, 31.9, 5.0), (500, 31.7, 7.0)))
     )
-    monkeypatch.setattr(skip, "pair", lambda *asked: rows)
-    row = skip.after_convergence(Stopping("500", truth, job), tmp_path, 8)
+    run = Stopping("500", truth, job)
+    monkeypatch.setattr(skip, "pair", lambda *asked: rows if asked == (run, tmp_path, 8) else None)
+    row = skip.after_convergence(run, tmp_path, 8)
     assert row.item == "iterations after convergence: boxes, 500 steps"
     assert (row.off, row.on) == (500, 360)
     assert row.error == pytest.approx(-0.2)

@@ -1,5 +1,6 @@
 """Whether training notices that a scene is at rest, and not before."""
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import torch
 
 from pipeline.nerf_options import TrainNerf
 from pipeline.scene import checkpoint
+from pipeline.scene.batch import Batch
 from pipeline.scene.convergence import (
     CALM,
     COOLING,
@@ -22,12 +24,13 @@ from pipeline.scene.convergence import (
     last_step,
     pace,
 )
-from pipeline.scene.training import State, initial_state
+from pipeline.scene.training import State, initial_state, training_step
 from pipeline.stages.train_nerf import train
 from tests.oracle import TWO_BALLS, oracle_guidance
 from tests.scene.test_training import BACKGROUNDS, SMALL
 
 SHAPE = (2, 4, 16, 16)
+BOUND = TrainNerf().convergence
 
 
 def trembling(seed: int, count: int, step: float = 0.0) -> np.ndarray:
@@ -63,10 +66,10 @@ def test_scenes_without_trembling() -> None:
 def test_it_takes_calm_in_a_row() -> None:
     calm = list(trembling(1, KEPT))
     assert KEPT == 2 * WINDOW + CALM - 1
-    assert not converged(calm[1:], 1.35)
-    assert converged(calm, 1.35)
-    assert not converged([*calm[:-WINDOW], *(late + 3 for late in calm[-WINDOW:])], 1.35)
-    assert not converged(list(trembling(1, KEPT, 1.0)), 1.35)
+    assert not converged(calm[1:], BOUND)
+    assert converged(calm, BOUND)
+    assert not converged([*calm[:-WINDOW], *(late + 3 for late in calm[-WINDOW:])], BOUND)
+    assert not converged(list(trembling(1, KEPT, 1.0)), BOUND)
 
 
 def test_every_one_of_the_last_drifts_counts() -> None:
@@ -100,9 +103,10 @@ def test_training_ends_early_and_a_resumed_one_just_so(
     history: list[dict[str, Any]] = []
 
     def keep(state: State, history: list[dict[str, Any]]) -> None:
-        cooling = state.rest_at is not None
-        if state.step == 145 or (cooling and not (tmp_path / "cooling").exists()):
-            checkpoint.save(tmp_path / ("cooling" if cooling else "before"), state, history)
+        if state.step == 145:
+            checkpoint.save(tmp_path / "before", state, history)
+        if state.rest_at is not None and state.step == state.rest_at + COOLING // 2:
+            checkpoint.save(tmp_path / "cooling", state, history)
 
     whole = finish(initial_state(options, BACKGROUNDS, 7), history, options, keep)
     assert whole.rest_at is not None
@@ -110,7 +114,7 @@ def test_training_ends_early_and_a_resumed_one_just_so(
     assert whole.rest_at % LOOK_EVERY == 0
     assert whole.step == whole.rest_at + COOLING < options.steps
     assert len(history) == whole.step
-    assert len(whole.looks) == KEPT
+    assert whole.looks == [], "nobody looks at them any more"
     told = f"the scene had converged at step {whole.rest_at} of 300: {COOLING} steps at falling rates"
     assert f"{told} have ended it, {300 - whole.step} were skipped" in capsys.readouterr().err
 
@@ -118,22 +122,66 @@ def test_training_ends_early_and_a_resumed_one_just_so(
         state, before, _ = checkpoint.load(tmp_path / name, options)
         assert state is not None
         assert state.rest_at == rest_at
+        assert len(state.looks) == (KEPT - 1 if name == "before" else 0)
         assert finish(state, before, options).step == whole.step
         assert state.rest_at == whole.rest_at
-        np.testing.assert_array_equal(state.looks, whole.looks)
         for ours, theirs in zip(state.optimizer.parameters, whole.optimizer.parameters, strict=True):
             assert torch.equal(ours, theirs)
 
 
-@pytest.mark.parametrize(("steps", "convergence"), [(250, 0.0), (20, 10.0), (240, 10.0)])
-def test_without_a_bound_or_a_step_to_save_all_steps_are_taken(steps: int, convergence: float) -> None:
-    options = TrainNerf(steps=steps, convergence=convergence, **QUICK)
+@pytest.mark.parametrize(
+    ("steps", "changed", "looked"),
+    [
+        (250, {"convergence": 10.0}, True),
+        (250, {"convergence": 0.0}, False),
+        (240, {"convergence": 10.0}, False),  # cooled from step 140 on it would take as many
+        (250, {"convergence": 10.0, "level_ramp": 0.1}, False),  # 25 steps with part of the grid, then 140
+        (250, {"convergence": 10.0, "coarse_share": 0.1}, False),
+    ],
+)
+def test_nobody_looks_where_no_step_can_be_saved(steps: int, changed: dict[str, Any], looked: bool) -> None:
+    options = TrainNerf(steps=steps, **{**QUICK, **changed})
     state = initial_state(options, BACKGROUNDS, 7)
-    state.step = max(steps - 25, 0)
-    finish(state, [], options)
-    assert state.step == steps
-    assert state.rest_at is None
-    assert state.looks == []
+    state.step = 120
+
+    class Enough(Exception):
+        pass
+
+    def stop(state: State, history: list[dict[str, Any]]) -> None:
+        if state.step == 135:
+            raise Enough
+
+    with pytest.raises(Enough):
+        finish(state, [], dataclasses.replace(options, checkpoint_every=5), stop)
+    assert bool(state.looks) == looked
+
+
+def test_cooled_steps_are_taken_at_their_pace() -> None:
+    """Noise, guidance and rates of steps before and after the scene is found at rest."""
+    options = TrainNerf(
+        steps=400, cameras_per_step=2, timestep_max=0.9, timestep_max_end=0.3, guidance_scale=100.0,
+        guidance_scale_end=10.0, sparsity_weight=0.0, emptiness_weight=0.0, **SMALL,
+    )  # fmt: skip
+    asked: list[Batch] = []
+
+    def guidance(latents: np.ndarray, batch: Batch) -> np.ndarray:
+        asked.append(batch)
+        return np.ones_like(latents)
+
+    moved = []
+    for step, rest_at in ((200, None), (200, 200), (299, 200)):
+        state = initial_state(options, BACKGROUNDS, 0)
+        state.step, state.rest_at = step, rest_at
+        bias = state.scene.field.bias3.detach().clone()
+        training_step(state, options, 12, guidance)
+        moved.append((state.scene.field.bias3.detach() - bias)[1:].numpy())
+    # All latents are to fall: Adam's first step moves their biases by the rate.
+    rates = np.array([1.0, 1 - 0.9 / COOLING, 0.1])
+    np.testing.assert_allclose(moved, -options.learning_rate * np.repeat(rates[:, None], 4, 1), rtol=2e-3)
+    assert [batch.guidance_scale for batch in asked] == pytest.approx(
+        [100 - 90 * progress for progress in (200 / 399, (200 + 199 / COOLING) / 399, 1)]
+    )
+    assert max(asked[-1].noise_levels) < 0.3 < max(asked[0].noise_levels) < 0.6
 
 
 @pytest.mark.parametrize(
@@ -141,6 +189,12 @@ def test_without_a_bound_or_a_step_to_save_all_steps_are_taken(steps: int, conve
 )
 def test_the_first_decision_comes_at_half_where_that_saves_a_step(steps: int, first: int | None) -> None:
     assert first_decision(steps) == first
+
+
+def test_what_is_trained_in_part_is_not_judged() -> None:
+    assert first_decision(1000, 0.3) == 500
+    assert first_decision(1000, 0.5) == 640
+    assert first_decision(1000, 0.76) is None
 
 
 def test_a_scene_at_rest_goes_through_the_rest_of_its_schedule_at_falling_rates() -> None:
