@@ -56,33 +56,29 @@ def long_runs(truths: Sequence[Truth]) -> list[Stopping]:
     ]
 
 
-def pair(run: Stopping, cache: Path, resolution: int) -> Pair:
-    """Return both runs' rows; a run that takes all of its steps is its own end."""
-    stopped = kept(run.name, run.truth, run.job, 0, cache, resolution)
-    if stopped[-1]["steps"] == run.job.train_nerf.steps:
-        return Pair(stopped, stopped)
-    whole = run.whole(resolution)
-    return Pair(stopped, kept(whole.name, run.truth, whole.job, 0, cache, resolution))
+def pairs(runs: Sequence[Stopping], cache: Path, resolution: int) -> list[Pair]:
+    """Return both rows of every run, several at once; a run that takes all of its steps is its own end."""
 
+    def rows(run: Stopping, trial: Trial) -> list[dict[str, Any]]:
+        return list(kept(trial.name, run.truth, trial.job, 0, cache, resolution))
 
-def ends(runs: Sequence[Stopping], cache: Path, resolution: int) -> list[Trial]:
-    """Return the trials to the last step of those runs that stopped earlier."""
     fill([run.trial(resolution) for run in runs], cache)
-    early = [
-        run
-        for run in runs
-        if kept(run.name, run.truth, run.job, 0, cache, resolution)[-1]["steps"] < run.job.train_nerf.steps
+    stopped = [rows(run, run.trial(resolution)) for run in runs]
+    early = [found[-1]["steps"] < run.job.train_nerf.steps for run, found in zip(runs, stopped, strict=True)]
+    fill([run.whole(resolution) for run, ended in zip(runs, early, strict=True) if ended], cache)
+    return [
+        Pair(found, rows(run, run.whole(resolution)) if ended else found)
+        for run, found, ended in zip(runs, stopped, early, strict=True)
     ]
-    return [run.whole(resolution) for run in early]
 
 
 RATIOS = {"error_ratio": "views", "chamfer_ratio": "Chamfer", "normal_error_ratio": "normals"}
 
 
-def compared(run: Stopping, pair: Pair) -> dict[str, Any]:
+def compared(run: Stopping, both: Pair) -> dict[str, Any]:
     """Return the steps of both, and the errors (root mean square of views, the surface's distance, its
     normals) of the run that may end early as multiples of those at the last step."""
-    stopped, whole = pair.stopped[-1], pair.whole[-1]
+    stopped, whole = both.stopped[-1], both.whole[-1]
     return {
         "run": run.name,
         "scene": run.truth.name,

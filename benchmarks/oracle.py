@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks._plots import Curve, Panel, write_fronts
-from benchmarks._stopping import LONG, LONGEST, compared, early_ends, ends, long_jobs, long_runs, pair, worst
+from benchmarks._stopping import LONG, LONGEST, compared, early_ends, long_jobs, long_runs, pairs, worst
 from benchmarks._tables import markdown
 from benchmarks._trials import RESOLUTION, Trial, fill, job_of, kept
 from benchmarks._truths import Truth, analytic_scenes, catalogue_scenes
@@ -208,8 +208,7 @@ def main(folder: Path) -> dict[str, Any]:
         ],
         CACHE,
     )
-    fill(ends(stopping, CACHE, RESOLUTION), CACHE)
-    pairs = [(run, pair(run, CACHE, RESOLUTION)) for run in stopping]
+    both = list(zip(stopping, pairs(stopping, CACHE, RESOLUTION), strict=True))
     measured = {
         **measure(plain, on_plain, CACHE, RESOLUTION),
         **measure(truths, everywhere, CACHE, RESOLUTION),
@@ -223,13 +222,13 @@ def main(folder: Path) -> dict[str, Any]:
         panels(measured, painted, front),
         f"Ideal denoisers of {', '.join(PLAIN)} (paint: of {len(truths)} scenes), means; star: the default",
     )
-    stopped = [compared(run, found) for run, found in pairs]
+    stopped = [compared(run, found) for run, found in both]
     means = {
         "all_scenes": {n: mean_row([r[-1] for r in measured[n].values()]) for n in ("draft", "standard")},
         "plain_scenes": {
             **{n: mean_row([measured[n][t.name][-1] for t in plain]) for n in (*front, "paper")},
             f"{LONG}, to the end": mean_row(
-                [found.whole[-1] for run, found in pairs if run.name == LONG and run.truth in plain]
+                [found.whole[-1] for run, found in both if run.name == LONG and run.truth in plain]
             ),
         },
         "paint": {n: mean_row(list(rows.values())) for n, rows in painted.items()},

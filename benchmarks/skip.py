@@ -27,7 +27,7 @@ import torch
 from benchmarks import _plain
 from benchmarks._ideal import ideal_guidance, linear_schedule
 from benchmarks._savings import Row, table
-from benchmarks._stopping import Stopping, long_runs, pair
+from benchmarks._stopping import Pair, long_runs, pairs
 from benchmarks._timing import in_turn
 from benchmarks._trials import RESOLUTION, backgrounds, held_out, job_of, learn
 from benchmarks._truths import Truth, analytic_scenes, catalogue_scenes
@@ -127,10 +127,10 @@ def progressive(truth: Truth, job: Job, resolution: int) -> list[Row]:
     return rows
 
 
-def after_convergence(run: Stopping, cache: Path, resolution: int) -> Row:
+def after_convergence(scene: str, both: Pair) -> Row:
     """Return what ending at rest saves a run; the trials are those of `oracle`."""
-    stopped, full = (rows[-1] for rows in pair(run, cache, resolution))
-    called = f"{run.truth.name}, {full['steps']} steps"
+    stopped, full = both.stopped[-1], both.whole[-1]
+    called = f"{scene}, {full['steps']} steps"
     return Row(f"iterations after convergence: {called}", "train_nerf.convergence", "on",
                "steps", float(full["steps"]), float(stopped["steps"]), full["psnr"] - stopped["psnr"],
                "PSNR of held-out views [dB lost]", (full["seconds"], stopped["seconds"]))  # fmt: skip
@@ -282,12 +282,13 @@ def main(folder: Path) -> dict[str, Any]:
     truth = next(truth for truth in analytic_scenes() if truth.name == "torus")
     job = job_of("draft")
     RUNS.mkdir(parents=True, exist_ok=True)
+    long = long_runs([*analytic_scenes(), *catalogue_scenes(SCENES)])
     rows = [
         *rendering(learned(truth, job, RESOLUTION), held_out(job.train_nerf), RESOLUTION, rounds),
         *progressive(truth, job, RESOLUTION),
         *(
-            after_convergence(run, CACHE, RESOLUTION)
-            for run in long_runs([*analytic_scenes(), *catalogue_scenes(SCENES)])
+            after_convergence(run.truth.name, both)
+            for run, both in zip(long, pairs(long, CACHE, RESOLUTION), strict=True)
         ),
         guidance(rounds),
         unused_texts(job, rounds),

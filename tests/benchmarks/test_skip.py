@@ -1,14 +1,13 @@
 """The table of savings: none changes what it leaves, each saves something, on a small size."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks import skip
 from benchmarks._savings import Row, table
-from benchmarks._stopping import Pair, Stopping
+from benchmarks._stopping import Pair
 from benchmarks._trials import held_out, job_of
 from benchmarks._truths import Truth, analytic_scenes
 from pipeline.asset_options import Extract
@@ -44,15 +43,9 @@ def test_rendering_skips_what_does_not_show(truth: Truth, job: Job) -> None:
     assert hidden.error < 1e-3
 
 
-def test_what_comes_after_convergence_is_compared(
-    truth: Truth, job: Job, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    rows = Pair(
-        *([{"steps": n, "psnr": p, "seconds": s}] for n, p, s in ((360, 31.9, 5.0), (500, 31.7, 7.0)))
-    )
-    run = Stopping("500", truth, job)
-    monkeypatch.setattr(skip, "pair", lambda *asked: rows if asked == (run, tmp_path, 8) else None)
-    row = skip.after_convergence(run, tmp_path, 8)
+def test_what_comes_after_convergence_is_compared() -> None:
+    ends = {"steps": 360, "psnr": 31.9, "seconds": 5.0}, {"steps": 500, "psnr": 31.7, "seconds": 7.0}
+    row = skip.after_convergence("boxes", Pair(*([row] for row in ends)))
     assert row.item == "iterations after convergence: boxes, 500 steps"
     assert (row.off, row.on) == (500, 360)
     assert row.error == pytest.approx(-0.2)

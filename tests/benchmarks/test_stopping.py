@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from benchmarks import _stopping
-from benchmarks._stopping import Pair, Stopping, compared, early_ends, ends, long_runs, pair, worst
+from benchmarks._stopping import Pair, Stopping, compared, early_ends, long_runs, pairs, worst
 from benchmarks._trials import job_of
 from benchmarks._truths import Truth, analytic_scenes
 from pipeline.asset_options import Extract
@@ -54,13 +54,11 @@ def test_errors_are_compared_with_the_final_ones(boxes: Truth) -> None:
 def test_a_run_that_ends_early_is_run_to_its_last_step_as_well(boxes: Truth, tmp_path: Path) -> None:
     early = run_of(boxes, 250, 10.0)  # every drift but an infinite one is below: at rest when first asked
     late = run_of(boxes, 4, 10.0)
-    further = ends([early, late], tmp_path, 8)
-    assert [(trial.name, trial.job.train_nerf.convergence) for trial in further] == [("250, to the end", 0)]
-    both = pair(early, tmp_path, 8)
+    assert early.whole(8).name == "250, to the end"
+    assert early.whole(8).job.train_nerf.convergence == 0
+    both, same = pairs([early, late], tmp_path, 8)
     assert both.stopped[-1]["steps"] == 240
     assert both.whole[-1]["steps"] == 250
-    assert len(list(tmp_path.iterdir())) == 3
-    same = pair(late, tmp_path, 8)
     assert same.stopped is same.whole
     assert same.whole[-1]["steps"] == 4
     assert len(list(tmp_path.iterdir())) == 3
