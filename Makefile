@@ -38,15 +38,16 @@ bench: .venv/.dev
 	@$(IN_VENV) -m benchmarks
 
 learn-token: .venv/.dev
-	@$(IN_VENV) -m export.everyday_objects.learn_token
+	@$(IN_VENV) -m export.everyday_objects.train.learn_token
 
-# The bundled model from nothing: more than a day of one core; each step goes on where it was stopped.
+# The bundled model from nothing: days of two cores; each step goes on where it was stopped.
 default-model: .venv/.dev
-	$(IN_VENV) -m export.everyday_objects.dataset build/everyday --shards 12
-	$(IN_VENV) -m export.everyday_objects.train_autoencoder build/everyday --steps 4200
-	$(IN_VENV) -m export.everyday_objects.train_denoiser build/everyday --steps 20000
-	$(IN_VENV) -m export.everyday_objects.export_bundle build/everyday
-	$(IN_VENV) -m export.everyday_objects.train_judge build/everyday --steps 4000
+	$(IN_VENV) -m export.everyday_objects.train.train_autoencoder build/everyday
+	$(IN_VENV) -m export.everyday_objects.data.pictures build/everyday --shards 500
+	$(IN_VENV) -m export.everyday_objects.data.pictures build/everyday --folder held_out_pictures --first 90000 --shards 1
+	$(IN_VENV) -m export.everyday_objects.train.train_denoiser build/everyday --steps 100000
+	$(IN_VENV) -m export.everyday_objects.train.export_bundle build/everyday
+	$(IN_VENV) -m export.everyday_objects.train.train_judge build/everyday --steps 4000
 	ONLY=default-model $(IN_VENV) -m benchmarks
 
 test: .venv/.dev

@@ -7,6 +7,8 @@ A benchmark is a module of this folder named after ONLY (dashes are underscores)
 ``main(folder) -> dict``: it may write pictures and a table (.md), named after itself, into the folder, and
 returns its figures, among them ``summary``. They are written with the machine and the versions to
 benchmarks/results/<name>.json, and the table into the README where that has a mark for it.
+
+`blind` is a package and none of these: people take part in it (``python -m benchmarks.blind``).
 """
 
 import importlib
@@ -27,6 +29,7 @@ BY_NAME = {
     "learn-token": "16 min",
     "oracle-choices": "15 min",
     "paint": "15 min",
+    "paper": "40 min",
     "refine": "6 min",
     "sd14": "12 min and 8 GB",
     "sigma-s": "40 min",

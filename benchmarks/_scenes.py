@@ -17,9 +17,9 @@ import yaml
 from jaxtyping import Float
 from scipy.ndimage import binary_erosion
 
-from benchmarks.default_model import contact_sheet, kind_and_colour
-from export.everyday_objects.judge import Judge, judge_images, load_judge
-from export.everyday_objects.train_judge import JUDGE
+from benchmarks.default_model import asked_for, contact_sheet
+from export.everyday_objects.networks.judge import Judge, judge_images, load_judge
+from export.everyday_objects.train.train_judge import JUDGE
 from pipeline import provenance
 from pipeline.diffusion.bundle import Bundle, open_bundle
 from pipeline.diffusion.sessions import Decode, vae_decoder
@@ -150,13 +150,13 @@ def judge() -> Judge:
 def rank(judged: Judge, looks: Looks, prompt: str) -> int:
     """Return the place of the prompt's noun among all kinds, 1 the first, by the mean over the views."""
     kinds = judge_images(judged, looks.pictures.astype(np.float32))[0].mean(0)
-    return int((kinds > kinds[kind_and_colour(prompt)[0]]).sum()) + 1
+    return int((kinds > kinds[asked_for(prompt).kind]).sum()) + 1
 
 
 def agreement(judged: Judge, looks: Looks, prompt: str) -> float:
     """Return the probability of the prompt's noun, mean over the views."""
     kinds = judge_images(judged, looks.pictures.astype(np.float32))[0]
-    return float(kinds[:, kind_and_colour(prompt)[0]].mean())
+    return float(kinds[:, asked_for(prompt).kind].mean())
 
 
 def inside(looks: Looks) -> np.ndarray:

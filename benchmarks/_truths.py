@@ -14,7 +14,7 @@ import trimesh
 from jaxtyping import Float
 from scipy.spatial import cKDTree
 
-from export.everyday_objects.catalogue import LIBRARIES, RADIUS, Model, fit, load_model, read_catalogue
+from export.everyday_objects.data.catalogue import LIBRARIES, RADIUS, Model, fit, load_model, read_catalogue
 from pipeline.scene.cameras import Camera, sphere
 from pipeline.scene.mesh import Mesh, face_normals
 from pipeline.scene.rasterize import Fragments, interpolate, rasterize

@@ -1,109 +1,146 @@
 """Is the default model good enough? Pictures and meshes of prompts, judged by a classifier of their own.
 
-The judge (export/everyday_objects/judge.py) knows the kinds, the colours, and a class of failures; it comes
-from `python -m export.everyday_objects.train_judge`. Needs Debian's sweethome3d-furniture for the held-out
-pictures. The meshes are ordinary runs under build/, so a second call makes only what is missing.
+The judge (export/everyday_objects/networks/judge.py) knows the kinds, the colours, the materials, front
+from back, and a class of failures; it comes from `python -m export.everyday_objects.train.train_judge`. The
+meshes are ordinary runs under build/, so a second call makes only what is missing.
 """
 
 import json
 import time
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from PIL import Image, ImageDraw
 
 from benchmarks._pool import at_once
-from export.everyday_objects.captions import COLOURS
-from export.everyday_objects.dataset import write_shards
-from export.everyday_objects.judge import KINDS, Judge, judge_images, load_judge
-from export.everyday_objects.nouns import NOUNS
-from export.everyday_objects.sample import ddim
-from export.everyday_objects.train_judge import JUDGE
+from export.everyday_objects.data.colours import COLOURS
+from export.everyday_objects.data.kinds import BY_WORD
+from export.everyday_objects.data.materials import MATERIALS
+from export.everyday_objects.networks.judge import (
+    KINDS,
+    MADE_OF,
+    SIDES,
+    Judge,
+    judge_images,
+    judge_sides,
+    load_judge,
+    side_of,
+)
+from export.everyday_objects.train.export_bundle import example_pictures
+from export.everyday_objects.train.sample import AZIMUTHS, of_bundle, paint
+from export.everyday_objects.train.train_judge import JUDGE
 from pipeline import engine
 from pipeline import job as jobs
 from pipeline.diffusion import sessions
 from pipeline.diffusion.bundle import Bundle, open_bundle
-from pipeline.diffusion.prompts import view_table
-from pipeline.diffusion.schedule import load_schedule
+from pipeline.diffusion.guidance import told_cameras
 from pipeline.diffusion.tokenizer import load_tokenizer
 from pipeline.progress import Progress
 from pipeline.report.preview import albedo_shade, picture, to_bytes, turn
 from pipeline.scene.mesh import read_obj
 
-WORK, RUNS = Path("build/everyday"), Path("build/default-model")
-PICTURES, BATCH = 128, 16
+RUNS = Path("build/default-model")
+HELD_OUT = 200
+"""Pictures for the autoencoder."""
 GUIDANCE, STEPS = 5.0, 25
 # Text to mesh: combinations that no setting was tuned on (`_scenes.PROMPTS` are for that).
 PROMPTS = (
-    "a blue chair", "an orange sofa", "a green table", "a yellow bed", "a brown bench", "a pink stool",
-    "a grey armchair", "a red cabinet", "a white bookcase", "a green lamp", "a green car", "a yellow bus",
-    "a blue truck", "a white airplane", "a red boat", "a white horse", "a grey rabbit", "a pink teddy bear",
-    "a green cactus", "a pine tree", "a blue bottle", "an orange vase", "a white mug", "a red fire hydrant",
-    "a wooden barrel", "a blue house", "a brown mushroom", "a red rocket", "a pink donut", "a yellow duck",
-    "a snowman", "an orange pumpkin",
+    "a blue chair", "a green table", "a yellow bed", "a pink stool", "a red cabinet", "an orange armchair",
+    "a green car", "a yellow bus", "a blue truck", "a white airplane", "a red boat", "a white horse",
+    "a grey rabbit", "a pink teddy bear", "a purple dragon", "a green bottle", "a brown guitar", "a snowman",
+    "a castle",
+    "a wooden barrel", "a blue striped sofa", "a red dotted mug", "a green checkered suitcase",
+    "a brick lighthouse", "a marble elephant", "a gingerbread house", "a candy mushroom", "a leopard boot",
+    "a steel teapot", "a golden owl", "a lego rocket", "a stone lion",
 )  # fmt: skip
 TILE = 128
-RECOLOURED = 0.25
-"""Kinds with a smaller share of recoloured training pictures are asked for as they are, without a colour."""
-BROADER = {"desk": "table", "dog house": "house"}
+MATERIAL_EVERY = 3
+"""Pictures: one in so many kinds is asked for in a material."""
+BROADER = {
+    "desk": "table", "dog house": "house", "sports car": "car", "race car": "car", "rowboat": "boat",
+    "grand piano": "piano", "German Shepherd": "dog",
+}  # fmt: skip
 """The kind that the judge may name instead: every one of the first is one of the second."""
 
 
-def draw_prompts(count: int) -> list[tuple[str, str]]:
-    """Kinds and colours ("" for kinds that are trained in their own), each kind as often as any other, the
-    same ones every time.
+class Asked(NamedTuple):
+    """What a prompt names: places in the judge's lists, -1 for no colour, or two, and for no material."""
+
+    kind: int
+    colour: int
+    material: int
+
+
+def asked_for(prompt: str) -> Asked:
+    """Return what a prompt names: "a red dotted mug", "a house made of bricks".
+
+    Raises:
+        ValueError: it names no kind.
+    """
+    text, _, noun = prompt.partition(" made of ")
+    kinds = [k for k in KINDS if f" {text}".endswith(f" {k}")]
+    if not kinds:
+        raise ValueError(f"{prompt!r} names none of the kinds that the judge knows")
+    kind = max(kinds, key=len)
+    words = text.removesuffix(kind).split()
+    colours = [i for i, colour in enumerate(COLOURS) if colour in words]
+    materials = [
+        i for i, m in enumerate(MADE_OF) if m in words or (m in MATERIALS and noun == MATERIALS[m].noun != "")
+    ]
+    return Asked(
+        KINDS.index(kind), colours[0] if len(colours) == 1 else -1, materials[0] if materials else -1
+    )
+
+
+def draw_prompts() -> list[str]:
+    """Return two prompts a kind, the same ones every time: one without a colour, now and then in a
+    material, and one with a colour.
     """
     rng = np.random.default_rng(2026)
-    kinds = [str(k) for _ in range(-(-count // len(KINDS))) for k in rng.permutation(KINDS)][:count]
-    colours = [COLOURS[rng.integers(len(COLOURS))] for _ in kinds]
-    own = {n.words[0] for n in NOUNS if n.recolour < RECOLOURED}
-    return [(kind, "" if kind in own else colour) for kind, colour in zip(kinds, colours, strict=True)]
+    materials = list(MATERIALS)
+    prompts = []
+    for i, kind in enumerate(KINDS):
+        material = materials[i // MATERIAL_EVERY % len(materials)] if i % MATERIAL_EVERY == 0 else ""
+        for look in (material, COLOURS[rng.integers(len(COLOURS))]):
+            text = f"{look} {kind}".strip()
+            prompts.append(f"{'an' if text[0] in 'aeiou' else 'a'} {text}")
+    return prompts
 
 
-def paint_pictures(bundle: Bundle, texts: list[str]) -> np.ndarray:
-    """Samples (n, p, p, 3) in [0, 1] of prompts with their view words."""
-    schedule = load_schedule(bundle.path / "scheduler")
-    tokenizer = load_tokenizer(bundle.path / "tokenizer")
-    with sessions.text_encoder(bundle.path / "text_encoder") as encode_text:
-        embeddings = encode_text(np.stack([tokenizer.encode(t) for t in ["", *texts]]))
+def paint_pictures(bundle: Bundle, prompts: list[str]) -> np.ndarray:
+    """Return samples (n, views, p, p, 3) in [0, 1]; a prompt's views are made together, as `paint` does."""
     images = []
-    with (
-        sessions.denoiser(bundle.path / "unet") as denoise,
-        sessions.vae_decoder(bundle.path / "vae_decoder", bundle.latent_scale) as decode,
-        Progress("pictures", len(texts)) as progress,
-    ):
-        for i in range(0, len(texts), BATCH):
-            cond = embeddings[1 + i : 1 + i + BATCH]
-            latents = ddim(
-                denoise, schedule, cond, embeddings[0], bundle.latent_size, GUIDANCE, STEPS, seed=i
-            )
-            images.append(decode(latents).clip(0, 1))
-            progress.update(min(i + BATCH, len(texts)))
-    return np.concatenate(images)
+    with of_bundle(bundle.path) as painter, Progress("pictures", len(prompts)) as progress:
+        for i, prompt in enumerate(prompts):
+            images.append(paint(painter, [prompt], GUIDANCE, STEPS, seed=i)[0])
+            progress.update(i + 1)
+    return np.stack(images)
 
 
 def guided_step_ms(bundle: Bundle, views: int = 4) -> float:
-    """Median time of a guided evaluation of the denoiser, with and without text, of a step's views [ms]."""
+    """Return the median time [ms] of evaluating the denoiser on a step's views, with and without text."""
     rng = np.random.default_rng(0)
-    size = bundle.latent_size
-    x = rng.standard_normal((2 * views, 4, size, size), np.float32)
+    size, rows = bundle.latent_size, 2 * max(views, bundle.views)
+    x = rng.standard_normal((rows, 4, size, size), np.float32)
     tokenizer = load_tokenizer(bundle.path / "tokenizer")
     with sessions.text_encoder(bundle.path / "text_encoder") as encode_text:
-        text = np.repeat(encode_text(tokenizer.encode("a red chair")[None]), 2 * views, axis=0)
+        text = np.repeat(encode_text(tokenizer.encode("a red chair")[None]), rows, axis=0)
     seconds = []
-    with sessions.denoiser(bundle.path / "unet") as denoise:
+    with sessions.denoiser(bundle.path / "unet", rows_expected=rows, views=bundle.views) as denoise:
+        run: Callable[..., np.ndarray] = denoise
+        told = told_cameras(run, np.zeros((rows, len(bundle.camera)), np.float32))
         for _ in range(12):
             began = time.perf_counter()
-            denoise(x, np.full(2 * views, 500), text)
+            told(x, np.full(rows, 500), text)
             seconds.append(time.perf_counter() - began)
     return round(1000 * float(np.median(seconds[2:])), 1)
 
 
 def psnr_heldout(bundle: Bundle) -> float:
-    """Mean PSNR [dB] of held-out objects through the bundle's own encoder and decoder."""
-    write_shards(WORK, "held_out", range(1), held_out=True)
-    images = np.load(WORK / "held_out" / "000.npy").astype(np.float32) / 255
+    """Return the mean PSNR [dB] of held-out shapes through the bundle's own encoder and decoder."""
+    images = example_pictures(HELD_OUT)
     decibels = []
     with (
         sessions.vae_encoder(bundle.path / "vae_encoder", bundle.latent_scale) as encode,
@@ -114,12 +151,6 @@ def psnr_heldout(bundle: Bundle) -> float:
             error = ((decode(encode(part)).clip(0, 1) - part) ** 2).mean((1, 2, 3))
             decibels.append(-10 * np.log10(np.maximum(error, 1e-10)))
     return round(float(np.concatenate(decibels).mean()), 2)
-
-
-def kind_and_colour(prompt: str) -> tuple[int, int]:
-    """The kind and the colour that a prompt names; -1 for no colour of the list."""
-    kind = max((k for k in KINDS if prompt.endswith(k)), key=len)
-    return KINDS.index(kind), next((i for i, c in enumerate(COLOURS) if c in prompt.split()), -1)
 
 
 def views_of_run(run: Path, size: int = TILE) -> np.ndarray:
@@ -133,8 +164,8 @@ def views_of_run(run: Path, size: int = TILE) -> np.ndarray:
 
 def contact_sheet(path: Path, rows: list[tuple[str, np.ndarray]], columns: int) -> None:
     """Write labelled strips of pictures, each (n, size, size, 3) uint8, `columns` strips a row."""
-    count = len(rows[0][1])
-    width, height = count * TILE + 8, TILE + 18
+    count, size = rows[0][1].shape[:2]
+    width, height = count * size + 8, size + 18
     page = Image.new("RGB", (columns * width, -(-len(rows) // columns) * height), "white")
     draw = ImageDraw.Draw(page)
     for i, (label, strip) in enumerate(rows):
@@ -144,34 +175,56 @@ def contact_sheet(path: Path, rows: list[tuple[str, np.ndarray]], columns: int) 
     page.save(path, optimize=True)
 
 
+def thumbnails(images: np.ndarray) -> np.ndarray:
+    """(n, p, p, 3) pictures in [0, 1] at half the size, uint8."""
+    n, p = images.shape[:2]
+    return np.stack([to_bytes(image) for image in images.reshape(n, p // 2, 2, p // 2, 2, 3).mean((2, 4))])
+
+
+def share(hits: Iterable[bool]) -> float:
+    """Return the share of true ones, four decimals; NaN of none."""
+    values = list(hits)
+    return round(float(np.mean(values)), 4) if values else float("nan")
+
+
 def judge_flat(judge: Judge, bundle: Bundle, folder: Path) -> tuple[dict[str, float], dict[str, Any]]:
-    """Pictures: share whose kind and whose colour the judge names first, and the kinds that are known."""
-    wanted = draw_prompts(PICTURES)
-    views = [v for v in view_table(bundle.view_prompts) if not v.startswith("overhead")]
-    texts = [
-        f"{' '.join(word for word in ('a', colour, kind) if word)}, {views[i % len(views)]}"
-        for i, (kind, colour) in enumerate(wanted)
-    ]
-    images = paint_pictures(bundle, texts)
-    kinds, colours = (p.argmax(1) for p in judge_images(judge, images))
+    """Pictures: share whose kind and whose colour the judge names first, the views of a prompt together;
+    the kinds that are known; and the share of back views that it takes for the front.
+    """
+    prompts = draw_prompts()
+    images = paint_pictures(bundle, prompts)
+    wanted = [asked_for(prompt) for prompt in prompts]
+    flat = images.reshape(-1, *images.shape[2:])
+    kinds, colours, materials = (
+        p.reshape(*images.shape[:2], -1).mean(1).argmax(1) for p in judge_images(judge, flat)
+    )
+    sides = judge_sides(judge, flat).reshape(*images.shape[:2], -1).argmax(2)
     names = [*KINDS, "failed"]
-    right = np.array(
-        [names[k] in (kind, BROADER.get(kind)) for k, (kind, _) in zip(kinds, wanted, strict=True)]
-    )
-    painted = np.array(
-        [COLOURS[c] == colour for c, (_, colour) in zip(colours, wanted, strict=True) if colour]
-    )
-    rates = {k: float(right[[kind == k for kind, _ in wanted]].mean()) for k in KINDS}
-    rows = [
-        (f"{'+' if ok else '-'} {text.split(',')[0]}", np.round(image[None] * 255).astype(np.uint8))
-        for ok, text, image in zip(right, texts, images, strict=True)
+    right = [
+        names[k] in (KINDS[w.kind], BROADER.get(KINDS[w.kind])) for k, w in zip(kinds, wanted, strict=True)
     ]
-    contact_sheet(folder / "default-model-2d.png", rows, 16)
+    rates = {
+        kind: share(ok for ok, w in zip(right, wanted, strict=True) if w.kind == i)
+        for i, kind in enumerate(KINDS)
+    }
+    behind = [side_of(np.radians(a)) == "back" for a in AZIMUTHS]
+    fronted = np.array([BY_WORD[KINDS[w.kind]].front for w in wanted])
+    rows = [
+        (f"{'+' if ok else '-'} {prompt}: {names[k]}", thumbnails(views))
+        for ok, prompt, k, views in zip(right, prompts, kinds, images, strict=True)
+    ]
+    contact_sheet(folder / "default-model-2d.png", rows, 8)
     return {
-        "noun_top1_2d": round(float(right.mean()), 4),
-        "colour_top1_2d": round(float(painted.mean()), 4),
+        "noun_top1_2d": share(right),
+        "colour_top1_2d": share(c == w.colour for c, w in zip(colours, wanted, strict=True) if w.colour >= 0),
         "nouns": sum(rate >= 0.5 for rate in rates.values()),
-    }, {"noun_rates_2d": rates}
+        "back_as_front_2d": share((sides[fronted][:, behind] == SIDES.index("front")).ravel()),
+    }, {
+        "material_top1_2d": share(
+            m == w.material for m, w in zip(materials, wanted, strict=True) if w.material >= 0
+        ),
+        "noun_rates_2d": rates,
+    }
 
 
 def make_mesh(prompt: str) -> Path:
@@ -180,35 +233,41 @@ def make_mesh(prompt: str) -> Path:
 
 
 def judge_meshes(judge: Judge, folder: Path) -> tuple[dict[str, float], dict[str, Any]]:
-    """Meshes: share whose kind is among the judge's first five, and whose colour is its first."""
+    """Meshes: share whose kind is among the judge's first five, and whose colour and material are its
+    first.
+    """
     rows, table = [], []
     ranks: list[int] = []
     painted: list[bool] = []
+    made: list[bool] = []
     runs = at_once(make_mesh, [(prompt,) for prompt in PROMPTS], "meshes")
     for prompt, run in zip(PROMPTS, runs, strict=True):
         spent = json.loads((run / "manifest.json").read_text(encoding="utf-8"))["seconds"]
         views = views_of_run(run)
-        kinds, colours = (p.mean(0) for p in judge_images(judge, views))
-        kind, colour = kind_and_colour(prompt)
-        rank = int((kinds > kinds[kind]).sum()) + 1
+        kinds, colours, materials = (p.mean(0) for p in judge_images(judge, views))
+        wanted = asked_for(prompt)
+        rank = int((kinds > kinds[wanted.kind]).sum()) + 1
         named = [*KINDS, "failed"][int(kinds.argmax())]
         ranks.append(rank)
-        painted += [bool(colours.argmax() == colour)] if colour >= 0 else []
+        painted += [bool(colours.argmax() == wanted.colour)] if wanted.colour >= 0 else []
+        made += [bool(materials.argmax() == wanted.material)] if wanted.material >= 0 else []
         table.append(
             {
                 "prompt": prompt,
                 "rank": rank,
                 "named": named,
                 "colour": COLOURS[int(colours.argmax())],
+                "material": MADE_OF[int(materials.argmax())],
                 "stage_seconds": round(spent, 1),
             }
         )
         rows.append((f"{prompt}: {named}, rank {rank}", views[[0, 1, 2, 4]]))
     contact_sheet(folder / "default-model-3d.png", rows, 2)
     return {
-        "noun_top5_3d": round(float(np.mean(np.array(ranks) <= 5)), 4),
-        "noun_top1_3d": round(float(np.mean(np.array(ranks) == 1)), 4),
-        "colour_top1_3d": round(float(np.mean(painted)), 4),
+        "noun_top5_3d": share(rank <= 5 for rank in ranks),
+        "noun_top1_3d": share(rank == 1 for rank in ranks),
+        "colour_top1_3d": share(painted),
+        "material_top1_3d": share(made),
     }, {"meshes": table}
 
 

@@ -1,8 +1,9 @@
 """Cheaper denoisers: run time against the error of eps_cond - eps_uncond, which guidance multiplies.
 
 The ways: int8 with static and dynamic scales, weights of 8 bits, weights of 16 bits, bf16 arithmetic where
-onnxruntime has OpenVINO, two runs of one row in place of one of two, thread counts, half the resolution, and
-leaving the unconditional pass out where noise is strongest. MODEL=name chooses another bundle.
+onnxruntime has OpenVINO, a run with and one without the text in place of one of both, thread counts, half
+the resolution, and leaving the unconditional pass out where noise is strongest. A denoiser that sees
+several views of an object together gets as many, each told its camera. MODEL=name chooses another bundle.
 
 Times are medians of runs that alternate with the reference, summed over the noise levels. The error is the
 relative Euclidean distance from the reference's difference, over all noise levels together.
@@ -19,7 +20,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import onnx
@@ -31,15 +32,18 @@ from onnx import numpy_helper
 from onnxruntime import quantization
 
 from benchmarks._tables import markdown
-from export.everyday_objects.autoencoder import LATENT_CHANNELS
-from export.everyday_objects.restore import restore_networks
-from export.everyday_objects.text_encoder import MAX_TOKENS, WIDTH
+from export.everyday_objects.networks.autoencoder import LATENT_CHANNELS
+from export.everyday_objects.networks.denoiser import CAMERA
+from export.everyday_objects.networks.text_encoder import MAX_TOKENS, WIDTH
+from export.everyday_objects.train.export_bundle import DenoiserGraph
+from export.everyday_objects.train.restore import restore_networks
 from export.graph import export_graph, store_as_half
-from pipeline.diffusion.bundle import open_bundle
+from pipeline.diffusion.bundle import Bundle, open_bundle
+from pipeline.diffusion.guidance import told_cameras
 from pipeline.diffusion.onnx_file import read_onnx
-from pipeline.diffusion.prompts import view_texts
+from pipeline.diffusion.prompts import view_words
 from pipeline.diffusion.schedule import load_schedule
-from pipeline.diffusion.sessions import Denoise, denoiser, text_encoder
+from pipeline.diffusion.sessions import denoiser, text_encoder
 from pipeline.diffusion.tokenizer import load_tokenizer
 from pipeline.job import DEFAULT_MODEL, bundle_folder
 
@@ -49,28 +53,58 @@ ROUNDS = 5
 """Runs a way and noise level."""
 SKIP_ABOVE = 0.8
 PROMPT = "a red armchair"
-REFERENCE = "fp32, batch of 2"
+POLAR, DISTANCE, FOV = 75.0, 2.5, 39.5
+"""Of the cameras [deg, scene units]."""
+REFERENCE = "fp32, one run"
+Run = Callable[..., np.ndarray]
+"""A denoiser that may be told cameras as well, as `sessions.denoiser` gives it."""
 Difference = Callable[[np.ndarray, int], np.ndarray]
-"""Noisy latents (1, c, h, w) and a timestep to eps_cond - eps_uncond."""
+"""Noisy latents (v, c, h, w) and a timestep to eps_cond - eps_uncond."""
 
 
-def guided(denoise: Denoise, texts: np.ndarray) -> Difference:
-    """Return the difference from one run on two rows; texts are cond and uncond."""
+class Told(NamedTuple):
+    """What the denoiser is told of the v views that it sees together."""
+
+    texts: np.ndarray
+    """(2 v, l, d): of each view, then without a text"""
+    cameras: np.ndarray
+    """(v, k) float32, the columns that the bundle lists; k 0: it is told none"""
+
+
+def guided(denoise: Run, told: Told) -> Difference:
+    """Return the difference from one run on the rows with and without the text."""
+    run = told_cameras(denoise, told.cameras)
 
     def difference(noisy: np.ndarray, timestep: int) -> np.ndarray:
-        told, without = denoise(np.repeat(noisy, 2, 0), np.array([timestep] * 2), texts)
-        return told - without
+        both = run(np.concatenate([noisy, noisy]), np.full(2 * len(noisy), timestep), told.texts)
+        return both[: len(noisy)] - both[len(noisy) :]
 
     return difference
 
 
-def concurrent(denoise: Denoise, texts: np.ndarray, pool: ThreadPoolExecutor) -> Difference:
-    """Return the difference from two runs on one row each, at the same time."""
+def one_text(denoise: Run, told: Told, noisy: np.ndarray, timestep: int, which: int) -> np.ndarray:
+    """Return what a run on all views gives, with their texts (`which` 0) or without (1)."""
+    count = len(noisy)
+    texts = told.texts[which * count : (which + 1) * count]
+    return denoise(noisy, np.full(count, timestep), texts, told.cameras)
+
+
+def concurrent(denoise: Run, told: Told, pool: ThreadPoolExecutor) -> Difference:
+    """Return the difference from a run with the text and one without, at the same time."""
 
     def difference(noisy: np.ndarray, timestep: int) -> np.ndarray:
-        rows = [pool.submit(denoise, noisy, np.array([timestep]), texts[i : i + 1]) for i in range(2)]
-        told, without = (row.result()[0] for row in rows)
-        return told - without
+        rows = [pool.submit(one_text, denoise, told, noisy, timestep, which) for which in range(2)]
+        return rows[0].result() - rows[1].result()
+
+    return difference
+
+
+def concurrent_in_turn(denoise: Run, told: Told) -> Difference:
+    """Return the difference from a run with the text and one without, one after the other."""
+
+    def difference(noisy: np.ndarray, timestep: int) -> np.ndarray:
+        first, second = (one_text(denoise, told, noisy, timestep, which) for which in range(2))
+        return first - second
 
     return difference
 
@@ -82,57 +116,69 @@ def coarse(full: Difference) -> Difference:
         b, c, h, w = noisy.shape
         # Twice the mean of four: the noise keeps its variance, as the schedule has it.
         small = noisy.reshape(b, c, h // 2, 2, w // 2, 2).mean((3, 5)) * 2
-        return full(small.astype(np.float32), timestep).repeat(2, 1).repeat(2, 2)
+        return full(small.astype(np.float32), timestep).repeat(2, 2).repeat(2, 3)
 
     return difference
 
 
-def without_unconditional(denoise: Denoise, texts: np.ndarray, full: Difference, above: int) -> Difference:
+def without_unconditional(denoise: Run, told: Told, full: Difference, above: int) -> Difference:
     """Return a difference of nothing where noise is strong (one pass, no guidance), else the full one."""
 
     def difference(noisy: np.ndarray, timestep: int) -> np.ndarray:
         if timestep < above:
             return full(noisy, timestep)
-        denoise(noisy, np.array([timestep]), texts[:1])
-        return np.zeros(noisy.shape[1:], np.float32)
+        one_text(denoise, told, noisy, timestep, 0)
+        return np.zeros_like(noisy)
 
     return difference
 
 
-def inputs(bundle: Path) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
-    """Return the texts (cond, uncond) and noisy latents with timesteps, of a picture the model predicts."""
-    opened, schedule = open_bundle(bundle, verify=False), load_schedule(bundle / "scheduler")
-    tokenizer = load_tokenizer(bundle / "tokenizer")
-    prompt = view_texts(PROMPT, opened.view_prompts)[0]
-    with text_encoder(bundle / "text_encoder") as encode:
-        texts = encode(np.stack([tokenizer.encode(prompt), tokenizer.encode("")]))
+def camera_rows(bundle: Bundle) -> np.ndarray:
+    """Return the camera input (v, k) of the bundle's views, evenly around the object; no backdrop is told."""
+    known = {"camera_told": 1.0, "polar": np.radians(POLAR), "distance": DISTANCE, "fov": np.radians(FOV)}
+    turns = [2 * np.pi * i / bundle.views for i in range(bundle.views)]
+    rows = [[turn if c == "azimuth" else known.get(c, 0.0) for c in bundle.camera] for turn in turns]
+    return np.array(rows, np.float32).reshape(bundle.views, len(bundle.camera))
+
+
+def inputs(folder: Path) -> tuple[Told, list[tuple[np.ndarray, int]]]:
+    """Return what is told and noisy latents with timesteps, of pictures that the model predicts."""
+    bundle, schedule = open_bundle(folder, verify=False), load_schedule(folder / "scheduler")
+    tokenizer = load_tokenizer(folder / "tokenizer")
+    turns = [2 * np.pi * i / bundle.views for i in range(bundle.views)]
+    prompts = [f"{PROMPT}, {view_words(bundle.view_prompts, turn, np.radians(POLAR))}" for turn in turns]
+    with text_encoder(folder / "text_encoder") as encode:
+        texts = encode(np.stack([tokenizer.encode(t) for t in (*prompts, *[""] * bundle.views)]))
+    told = Told(texts, camera_rows(bundle))
     random = np.random.default_rng(0)
-    shape = (1, opened.latent_channels, opened.latent_size, opened.latent_size)
+    shape = (bundle.views, bundle.latent_channels, bundle.latent_size, bundle.latent_size)
     total = len(schedule.alphas_cumprod)
-    noisy, last = random.standard_normal(shape, np.float32), np.array([int(0.98 * total)])
-    with denoiser(bundle / "unet") as denoise:
-        clean = schedule.to_clean(denoise(noisy, last, texts[:1]), noisy, last)
+    noisy, last = random.standard_normal(shape, np.float32), int(0.98 * total)
+    with denoiser(folder / "unet", views=bundle.views) as denoise:
+        clean = schedule.to_clean(one_text(denoise, told, noisy, last, 0), noisy, np.full(len(noisy), last))
     cases = []
     for level in LEVELS:
-        timestep = np.array([int(level * total)])
-        cases.append(
-            (schedule.add_noise(clean, random.standard_normal(shape, np.float32), timestep), int(timestep[0]))
-        )
-    return texts, cases
+        noise = random.standard_normal(shape, np.float32)
+        timestep = int(level * total)
+        cases.append((schedule.add_noise(clean, noise, np.full(len(noisy), timestep)), timestep))
+    return told, cases
 
 
 class Calibration(quantization.CalibrationDataReader):  # type: ignore[misc]
     """The cases, as onnxruntime's quantiser wants them."""
 
-    def __init__(self, session: Any, texts: np.ndarray, cases: list[tuple[np.ndarray, int]]) -> None:
+    def __init__(self, session: Any, told: Told, cases: list[tuple[np.ndarray, int]]) -> None:
         kind = next(port.type for port in session.get_inputs() if port.name == "timestep")
         dtype = np.float32 if kind == "tensor(float)" else np.int64
         rank = len(next(port.shape for port in session.get_inputs() if port.name == "timestep"))
+        taken = {port.name for port in session.get_inputs()}
+        cameras = {"camera": np.tile(told.cameras, (2, 1))} if "camera" in taken else {}
         self.rows: Iterator[dict[str, np.ndarray]] = iter(
             {
-                "sample": np.repeat(noisy, 2, 0),
-                "timestep": np.full((2,) if rank else (), timestep, dtype),
-                "encoder_hidden_states": texts,
+                "sample": np.concatenate([noisy, noisy]),
+                "timestep": np.full((2 * len(noisy),) if rank else (), timestep, dtype),
+                "encoder_hidden_states": told.texts,
+                **cameras,
             }
             for noisy, timestep in cases
         )
@@ -142,9 +188,7 @@ class Calibration(quantization.CalibrationDataReader):  # type: ignore[misc]
         return next(self.rows, None)
 
 
-def quantised(
-    folder: Path, work: Path, texts: np.ndarray, cases: list[tuple[np.ndarray, int]]
-) -> dict[str, Path]:
+def quantised(folder: Path, work: Path, told: Told, cases: list[tuple[np.ndarray, int]]) -> dict[str, Path]:
     """Write the graph with int8 arithmetic, 8-bit weights and 16-bit weights; return the folders by name."""
     made = {name: work / name for name in ("int8 static", "int8 dynamic", "8-bit weights", "fp16 storage")}
     for place in made.values():
@@ -162,7 +206,7 @@ def quantised(
     quantization.quantize_static(
         plain,
         made["int8 static"] / "model.onnx",
-        Calibration(session, texts, cases),
+        Calibration(session, told, cases),
         op_types_to_quantize=["Conv", "MatMul", "Gemm"],
         per_channel=True,
     )
@@ -201,22 +245,31 @@ def free_size(bundle: Path, work: Path) -> Path | None:
     if bundle.name != DEFAULT_MODEL:
         return None
 
-    def example(rows: int, size: int) -> dict[str, torch.Tensor]:
-        text, steps = torch.randn(rows, MAX_TOKENS, WIDTH), torch.arange(rows)
-        latents = torch.randn(rows, LATENT_CHANNELS, size, size)
-        return {"sample": latents, "timestep": steps, "encoder_hidden_states": text}
-
-    axes = {name: {0: "rows"} for name in example(1, 8)}
-    axes["sample"] |= {2: "height", 3: "width"}
+    network = restore_networks(bundle)[2]
+    rows = 2 * network.views
     export_graph(
-        restore_networks(bundle)[2],
-        example(2, side),
+        DenoiserGraph(network),
+        example(rows, side),
         ["out_sample"],
         work / "free size",
-        dynamic_axes=axes,
-        check_inputs=[example(2, side // 2)],
+        dynamic_axes=free_axes(),
+        check_inputs=[example(rows, side // 2)],
     )
     return work / "free size"
+
+
+def example(rows: int, size: int) -> dict[str, torch.Tensor]:
+    """Return inputs of the default model's denoiser."""
+    text, steps = torch.randn(rows, MAX_TOKENS, WIDTH), torch.arange(rows)
+    latents, cameras = torch.randn(rows, LATENT_CHANNELS, size, size), torch.rand(rows, len(CAMERA))
+    return {"sample": latents, "timestep": steps, "encoder_hidden_states": text, "camera": cameras}
+
+
+def free_axes() -> dict[str, dict[int, str]]:
+    """Return the axes of those inputs that may have any size."""
+    axes = {name: {0: "rows"} for name in example(1, 8)}
+    axes["sample"] |= {2: "height", 3: "width"}
+    return axes
 
 
 def measure(
@@ -252,7 +305,7 @@ def plot(rows: dict[str, dict[str, float]], path: Path) -> None:
     axes.set_yscale("log")
     axes.set_ylim(2e-6, 10)
     axes.grid(visible=True, color="#dddddd")
-    axes.set_xlabel("time, relative to fp32 on a batch of 2")
+    axes.set_xlabel("time, relative to fp32 in one run")
     axes.set_ylabel("error of eps_cond - eps_uncond (1e-5: none)")
     for name, row in rows.items():
         x, y = row["relative_time"], max(row["error"], 1e-5)
@@ -266,35 +319,36 @@ def plot(rows: dict[str, dict[str, float]], path: Path) -> None:
 def main(folder: Path) -> dict[str, Any]:
     """Measure every way; draw denoiser.png."""
     bundle = bundle_folder(os.environ.get("MODEL") or DEFAULT_MODEL)
-    texts, cases = inputs(bundle)
+    told, cases = inputs(bundle)
+    views = open_bundle(bundle, verify=False).views
     unet, total = bundle / "unet", len(load_schedule(bundle / "scheduler").alphas_cumprod)
     cores = len(os.sched_getaffinity(0))
     rows: dict[str, dict[str, float]] = {}
     with tempfile.TemporaryDirectory() as work, ExitStack() as stack:
-        exact = stack.enter_context(denoiser(unet))
-        reference = guided(exact, texts)
+        exact = stack.enter_context(denoiser(unet, views=views))
+        reference = guided(exact, told)
         rows[REFERENCE] = measure(reference, reference, cases)
         pool = stack.enter_context(ThreadPoolExecutor(2))
-        rows["two runs in turn"] = measure(concurrent_in_turn(exact, texts), reference, cases)
-        with denoiser(unet, threads=max(1, cores // 2)) as single:
-            rows["two runs at once"] = measure(concurrent(single, texts, pool), reference, cases)
+        rows["two runs in turn"] = measure(concurrent_in_turn(exact, told), reference, cases)
+        with denoiser(unet, threads=max(1, cores // 2), views=views) as single:
+            rows["two runs at once"] = measure(concurrent(single, told, pool), reference, cases)
         for threads in sorted({1, cores // 2, 2 * cores} - {0, cores}):
-            with denoiser(unet, threads=threads) as other:
+            with denoiser(unet, threads=threads, views=views) as other:
                 rows[f"{threads} thread{'s' * (threads > 1)}"] = measure(
-                    guided(other, texts), reference, cases
+                    guided(other, told), reference, cases
                 )
-        for name, place in quantised(unet, Path(work), texts, cases).items():
-            with denoiser(place) as other:
-                rows[name] = measure(guided(other, texts), reference, cases)
+        for name, place in quantised(unet, Path(work), told, cases).items():
+            with denoiser(place, views=views) as other:
+                rows[name] = measure(guided(other, told), reference, cases)
         if "OpenVINOExecutionProvider" in onnxruntime.get_available_providers():
-            with denoiser(unet, provider="openvino") as other:
-                rows["OpenVINO"] = measure(guided(other, texts), reference, cases)
+            with denoiser(unet, provider="openvino", views=views) as other:
+                rows["OpenVINO"] = measure(guided(other, told), reference, cases)
         if (free := free_size(bundle, Path(work))) is None:
             print(f"half resolution: left out, {unet} is fixed to {cases[0][0].shape[-1]} latents a side")
         else:
-            with denoiser(free) as other:
-                rows["half resolution"] = measure(coarse(guided(other, texts)), reference, cases)
-        skipping = without_unconditional(exact, texts, reference, int(SKIP_ABOVE * total))
+            with denoiser(free, views=views) as other:
+                rows["half resolution"] = measure(coarse(guided(other, told)), reference, cases)
+        skipping = without_unconditional(exact, told, reference, int(SKIP_ABOVE * total))
         rows[f"no unconditional pass above {SKIP_ABOVE:g}"] = measure(skipping, reference, cases)
     plot(rows, folder / "denoiser.png")
     table = markdown(
@@ -303,13 +357,3 @@ def main(folder: Path) -> dict[str, Any]:
     (folder / "denoiser.md").write_text(table, encoding="utf-8")
     summary = {name: [row["relative_time"], row["error"]] for name, row in rows.items()}
     return {"summary": summary, "model": bundle.name, "load_at_end": os.getloadavg(), "rows": rows}
-
-
-def concurrent_in_turn(denoise: Denoise, texts: np.ndarray) -> Difference:
-    """Return the difference from two runs on one row each, one after the other."""
-
-    def difference(noisy: np.ndarray, timestep: int) -> np.ndarray:
-        told, without = (denoise(noisy, np.array([timestep]), texts[i : i + 1])[0] for i in range(2))
-        return told - without
-
-    return difference

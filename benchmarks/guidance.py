@@ -33,7 +33,8 @@ PROMPT_COUNT = 4
 ROUNDS, PACED_STEPS = 7, 12
 """Short trainings of every option that tell how long a step takes."""
 NOISE_LEVELS, DRAWS = (400, 550, 700), 4
-BEHIND = np.radians([150.0, 180.0, 210.0])
+BEHIND = np.radians([140.0, 165.0, 195.0, 220.0])
+"""As many as a model sees together, told no cameras: its words alone are asked."""
 OPTIONS: dict[str, dict[str, Any]] = {
     "base": {},
     "interpolated": {"view_text": "interpolated"},
@@ -57,7 +58,7 @@ def front_from_behind(scene_file: Path, embeddings: Embeddings) -> float:
     level = np.full(2, np.radians(75))
     front, back = embeddings.cond[view_index(embeddings.view_prompts, np.array([0, np.pi]), level)]
     votes = []
-    with denoiser(bundle.path / "unet") as denoise:
+    with denoiser(bundle.path / "unet", views=bundle.views) as denoise:
         for number, timestep in enumerate(NOISE_LEVELS * DRAWS):
             noise = np.random.default_rng(number).standard_normal(latents.shape, np.float32)
             timesteps = np.full(len(latents), timestep)

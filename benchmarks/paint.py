@@ -22,8 +22,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from PIL import Image
 
-from export.everyday_objects.catalogue import read_catalogue
+from export.everyday_objects.data.catalogue import read_catalogue
 from pipeline.diffusion.bundle import open_bundle
+from pipeline.diffusion.conditions import conditions_of
 from pipeline.diffusion.guidance import Embeddings, diffusion_guidance, flat_backgrounds
 from pipeline.diffusion.prompts import view_texts
 from pipeline.diffusion.schedule import load_schedule
@@ -93,7 +94,7 @@ def embed(prompt: str) -> Embeddings:
         rows = embed_texts([*view_texts(prompt, bundle.view_prompts), ""], tokenizer, encode_text)
     with vae_encoder(BUNDLE / "vae_encoder") as encode:
         backgrounds = flat_latents(encode, flat_colours(), 128)
-    return Embeddings(rows[:-1], rows[-1], bundle.view_prompts, backgrounds)
+    return Embeddings(rows[:-1], rows[-1], bundle.view_prompts, backgrounds, flat_colours())
 
 
 def versions_of(path: Path, subject: Subject) -> Iterator[tuple[str, Mesh, dict[str, Any]]]:
@@ -112,9 +113,10 @@ def paint(mesh: Mesh, prompt: str, job: Job) -> tuple[Painted, dict[str, Any]]:
     scaled = mesh._replace(vertices=mesh.vertices * options.mesh_radius)
     pool = make_pool(scaled, options, options.texture, 32, job.seed)
     state = initial_paint(options, pool, flat_backgrounds(embeddings), job.seed)
-    with denoiser(BUNDLE / "unet") as denoise:
+    bundle = open_bundle(BUNDLE, verify=False)
+    with denoiser(BUNDLE / "unet", views=bundle.views) as denoise:
         schedule = load_schedule(BUNDLE / "scheduler")
-        guidance = diffusion_guidance(denoise, schedule, embeddings, options)
+        guidance = diffusion_guidance(denoise, schedule, embeddings, options, conditions_of(bundle))
         train(state, [], options, pool, guidance)
     latents, figures = complete(scaled, pool.seen, state.colours.detach().numpy(), options.texture)
     return Painted(latents, options.texture, options.mesh_radius), figures

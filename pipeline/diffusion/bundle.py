@@ -27,6 +27,10 @@ T = TypeVar("T")
 STABLE_DIFFUSION_SCALE = 0.18215
 STABLE_DIFFUSION_LATENTS = 64
 VIEW_PROMPTS = ("paper", "eight")
+CAMERA_COLUMNS = ("camera_told", "azimuth", "polar", "distance", "fov", "backdrop_told", "backdrop")
+"""What a denoiser's camera input may hold, see `conditions.camera_rows`."""
+MOST_VIEWS = 64
+"""That a denoiser may see together."""
 REQUIRED_GRAPHS = ("text_encoder", "unet", "vae_decoder")
 OPTIONAL_GRAPHS = ("vae_encoder", "vae_encoder_vjp")
 # onnxruntime's transformer optimiser writes these for CUDA and ROCm; no CPU kernel exists.
@@ -64,6 +68,10 @@ class Bundle:
     latent_to_rgb: tuple[tuple[float, ...], ...] | None
     """3 x c matrix A of the linear map from scaled latents z to colour, RGB = (A z + bias + 1) / 2."""
     latent_to_rgb_bias: tuple[float, ...]
+    camera: tuple[str, ...]
+    """Columns of the denoiser's input `camera`, of CAMERA_COLUMNS; none: it has no such input."""
+    views: int
+    """How many views of one object, in consecutive rows, the denoiser sees together; 1: each on its own."""
     trained_on: Any
     has_vae_encoder: bool
     files: dict[str, str]
@@ -243,6 +251,14 @@ def _describe(folder: Path, described: dict[str, Any], files: dict[str, str], gr
         )
     channels = _field(place, described, "latent_channels", int, 4)
     has_map = described.get("latent_to_rgb") is not None
+    columns = _field(place, described, "camera", list, [])
+    if unknown := [c for c in columns if c not in CAMERA_COLUMNS]:
+        raise InputError(
+            f"{place}: camera lists {unknown[0]!r}, expected of {', '.join(CAMERA_COLUMNS)}; export again"
+        )
+    views = _field(place, described, "views", int, 1)
+    if views > MOST_VIEWS:
+        raise InputError(f"{place}: views is {views}, expected 1 to {MOST_VIEWS}; export again")
     words = described.get("known_words")
     if words is not None and not (isinstance(words, list) and all(isinstance(w, str) for w in words)):
         raise InputError(f"{place}: known_words is no list of words; correct it or export again")
@@ -260,6 +276,8 @@ def _describe(folder: Path, described: dict[str, Any], files: dict[str, str], gr
         latent_to_rgb_bias=_numbers(place, described, "latent_to_rgb_bias", (3,))
         if has_map
         else (0.0, 0.0, 0.0),
+        camera=tuple(columns),
+        views=views,
         trained_on=described.get("trained_on", ""),
         has_vae_encoder="vae_encoder" in graphs,
         files=files,

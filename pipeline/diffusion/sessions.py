@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeAlias
+from typing import Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -32,6 +32,24 @@ EncodeText: TypeAlias = Callable[[Int[Array, "b l"]], Float[Array, "b l d"]]
 Denoise: TypeAlias = Callable[
     [Float[Array, "b c h w"], Int[Array, " b"], Float[Array, "b l d"]], Float[Array, "b c h w"]
 ]
+
+
+@runtime_checkable
+class TellCamera(Protocol):
+    """A `Denoise` that can be told the cameras of its rows as well, k columns each."""
+
+    def __call__(
+        self,
+        sample: Float[Array, "b c h w"],
+        timesteps: Int[Array, " b"],
+        text: Float[Array, "b l d"],
+        camera: Float[Array, "b k"] | None = None,
+        /,
+    ) -> Float[Array, "b c h w"]:
+        """Return the raw output; without cameras the network is told none."""
+        ...
+
+
 Decode: TypeAlias = Callable[[Float[Array, "b c h w"]], Float[Array, "b H W 3"]]
 Encode: TypeAlias = Callable[[Float[Array, "b H W 3"]], Float[Array, "b c h w"]]
 PullBack: TypeAlias = Callable[[Float[Array, "b H W 3"], Float[Array, "b c h w"]], Float[Array, "b H W 3"]]
@@ -87,9 +105,12 @@ def text_encoder(
 
 @contextmanager
 def denoiser(
-    folder: Path, threads: int | None = None, provider: str = "cpu", rows_expected: int = 1
-) -> Iterator[Denoise]:
+    folder: Path, threads: int | None = None, provider: str = "cpu", rows_expected: int = 1, views: int = 1
+) -> Iterator[TellCamera]:
     """Give denoise: latents (b, c, h, w), timesteps (b,), text (b, l, d) -> raw network output (b, c, h, w).
+
+    A fourth argument, cameras (b, k), goes to a graph that takes `camera`; without it such a graph is told
+    nothing (zeros). `views` consecutive rows are never parted, b is a multiple of it.
 
     One run of the network where the graph allows it; one for each distinct timestep where its
     timestep is a scalar; blocks of its own size where its batch is fixed.
@@ -103,7 +124,9 @@ def denoiser(
         one_timestep = graph.rank("timestep") == 0 or graph.axis("timestep", 0) == 1
         fixed = graph.axis("sample", 0)
 
-        def call(sample: Array, timesteps: Array, text: Array) -> Array:
+        width = graph.axis("camera", 1) or 0
+
+        def call(sample: Array, timesteps: Array, text: Array, camera: Array | None) -> Array:
             rows = np.arange(len(sample))
             if fixed is not None:  # fill a fixed batch up with copies, drop them after
                 rows = np.minimum(np.arange(fixed), len(sample) - 1)
@@ -111,22 +134,30 @@ def denoiser(
             if one_timestep:
                 timestep = timestep[:1].reshape((1,) * (graph.rank("timestep") or 0))
             feeds = {"sample": sample[rows], "timestep": timestep, "encoder_hidden_states": text[rows]}
+            if "camera" in graph.types:
+                feeds["camera"] = np.zeros((len(rows), width), np.float32) if camera is None else camera[rows]
             if "timestep_cond" in graph.types:
-                width = graph.axis("timestep_cond", 1) or GUIDANCE_WIDTH
-                feeds["timestep_cond"] = np.tile(guidance_embedding(LCM_GUIDANCE, width), (len(rows), 1))
+                size = graph.axis("timestep_cond", 1) or GUIDANCE_WIDTH
+                feeds["timestep_cond"] = np.tile(guidance_embedding(LCM_GUIDANCE, size), (len(rows), 1))
             when = f" at timestep {', '.join(map(str, np.unique(timesteps)))}"
             return graph.pick(graph.run(feeds), ("out_sample", "sample"), 4, when)[: len(sample)]
 
         def denoise(
-            sample: Float[Array, "b c h w"], timesteps: Int[Array, " b"], text: Float[Array, "b l d"]
+            sample: Float[Array, "b c h w"],
+            timesteps: Int[Array, " b"],
+            text: Float[Array, "b l d"],
+            camera: Float[Array, "b k"] | None = None,
         ) -> Float[Array, "b c h w"]:
             groups = [np.arange(len(sample))]
             if one_timestep:
                 groups = [np.flatnonzero(timesteps == t) for t in np.unique(timesteps)]
-            size = fixed or -(-len(sample) // lanes)
+            size = fixed or -(-len(sample) // (lanes * views)) * views
             blocks = [rows[start : start + size] for rows in groups for start in range(0, len(rows), size)]
             result = np.empty(sample.shape, np.float32)
-            found = share(lambda rows: call(sample[rows], timesteps[rows], text[rows]), blocks)
+            told = [None if camera is None else camera[rows] for rows in blocks]
+            found = share(
+                lambda rows, seen: call(sample[rows], timesteps[rows], text[rows], seen), blocks, told
+            )
             for rows, values in zip(blocks, found, strict=True):
                 result[rows] = values
             return result

@@ -17,6 +17,7 @@ from PIL import Image
 
 from pipeline import files
 from pipeline.diffusion.bundle import Bundle, open_bundle
+from pipeline.diffusion.conditions import conditions_of
 from pipeline.diffusion.guidance import distil, load_embeddings
 from pipeline.diffusion.rgb_guidance import (
     LATENT_TO_RGB,
@@ -107,11 +108,13 @@ def rgb_guidance(context: Context, bundle: Bundle, decode: Decode) -> Iterator[G
     context.metrics["gradient"] = way
     with ExitStack() as stack:
         rows = 2 * options.cameras_per_step
-        denoise = stack.enter_context(denoiser(inputs["unet"], provider=provider, rows_expected=rows))
+        denoise = stack.enter_context(
+            denoiser(inputs["unet"], provider=provider, rows_expected=rows, views=bundle.views)
+        )
         encode = stack.enter_context(vae_encoder(inputs["vae_encoder"], scale, provider))
 
         def step(latents: Float[np.ndarray, "b 4 h w"], batch: Batch) -> Any:
-            return distil(latents, batch, denoise, schedule, embeddings, options)
+            return distil(latents, batch, denoise, schedule, embeddings, options, conditions_of(bundle))
 
         if way == "image":
             yield image_guidance(step, encode, decode, bundle.image_size)

@@ -11,6 +11,7 @@ import numpy as np
 
 from pipeline import files
 from pipeline.diffusion.bundle import open_bundle
+from pipeline.diffusion.conditions import conditions_of
 from pipeline.diffusion.guidance import diffusion_guidance, flat_backgrounds, load_embeddings
 from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.sessions import denoiser
@@ -174,10 +175,12 @@ def main(context: Context) -> None:
     where = explained("train_nerf", "train_nerf", lambda: state.step, context.scratch)
     rows = 2 * options.cameras_per_step
     with (
-        denoiser(context.inputs["unet"], provider=context.job.provider, rows_expected=rows) as denoise,
+        denoiser(
+            context.inputs["unet"], provider=context.job.provider, rows_expected=rows, views=bundle.views
+        ) as denoise,
         where,
     ):
-        guidance = diffusion_guidance(denoise, schedule, embeddings, options)
+        guidance = diffusion_guidance(denoise, schedule, embeddings, options, conditions_of(bundle))
         train(
             state,
             history,

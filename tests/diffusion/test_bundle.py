@@ -43,6 +43,15 @@ def test_a_bundle_is_described(bundle: Path) -> None:
     assert (found.latent_scale, found.view_prompts, found.has_vae_encoder) == (SCALE, "eight", True)
     assert found.known_words is not None
     assert "armchair" in found.known_words
+    assert (found.camera, found.views) == ((), 1)
+
+
+def test_a_bundle_says_what_its_denoiser_is_told(bundle: Path) -> None:
+    description = json.loads((bundle / "bundle.json").read_text())
+    told = {"camera": ["azimuth", "backdrop_told", "backdrop", "backdrop"], "views": 4}
+    (bundle / "bundle.json").write_text(json.dumps(description | told))
+    found = open_bundle(bundle)
+    assert (found.camera, found.views) == (tuple(told["camera"]), 4)
 
 
 def test_the_linear_map_sees_what_the_decoder_sees(bundle: Path) -> None:
@@ -219,6 +228,12 @@ def test_garbage_json_is_named(foreign: Path, name: str, content: str) -> None:
         ("latent_size", True),
         ("latent_scale", 0.7),
         ("view_prompts", "seven"),
+        ("camera", ["azimuth", "altitude"]),
+        ("camera", [["azimuth"]]),
+        ("camera", "azimuth"),
+        ("views", 0),
+        ("views", 65),
+        ("views", "4"),
         ("distillation", [1]),
         ("known_words", "red"),
         ("latent_to_rgb", [[1, 2, 3]]),

@@ -106,6 +106,55 @@ def test_threads_share_the_rows_where_each_gets_enough(
     np.testing.assert_allclose(shared, one, atol=1e-6)
 
 
+def write_camera_unet(folder: Path) -> None:
+    """A denoiser that multiplies each row by the mean of its camera."""
+    save_graph(
+        folder,
+        f"""
+        unet (float[batch, 4, h, w] sample, int64[batch] timestep,
+              float[batch, l, {WIDTH}] encoder_hidden_states, float[batch, 3] camera)
+            => (float[batch, 4, h, w] out_sample)
+        {{
+            mean = ReduceMean(camera, one)
+            factor = Reshape(mean, shape)
+            out_sample = Mul(sample, factor)
+        }}""",
+        {"one": np.array([1]), "shape": np.array([-1, 1, 1, 1])},
+    )
+
+
+@pytest.mark.parametrize(("threads", "views"), [(1, 1), (2, 1), (2, 4), (3, 4)])
+def test_rows_are_told_their_cameras_and_views_are_never_parted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, threads: int, views: int
+) -> None:
+    write_camera_unet(tmp_path)
+    noisy, text = noisy_latents(12, 8), np.zeros((12, 5, WIDTH), np.float32)
+    cameras = np.repeat(np.arange(12, dtype=np.float32)[:, None], 3, axis=1)
+    rows: list[int] = []
+    run = Graph.run
+
+    def counted(self: Graph, feeds: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        rows.append(len(feeds["sample"]))
+        return run(self, feeds)
+
+    monkeypatch.setattr(Graph, "run", counted)
+    with denoiser(tmp_path, threads, rows_expected=12, views=views) as denoise:
+        told = denoise(noisy, np.full(12, 5), text, cameras)
+        untold = denoise(noisy, np.full(12, 5), text)
+    np.testing.assert_allclose(told, noisy * np.arange(12)[:, None, None, None], rtol=1e-6)
+    assert not untold.any()
+    assert all(count % views == 0 for count in rows)
+    assert sum(rows) == 24
+
+
+def test_a_graph_without_camera_is_asked_as_before(tmp_path: Path) -> None:
+    write_unet(tmp_path, prediction="sample", timestep="int64[batch]")
+    noisy, text = noisy_latents(4, 8), np.zeros((4, 5, WIDTH), np.float32)
+    with denoiser(tmp_path) as denoise:
+        plain = denoise(noisy, TIMESTEPS, text)
+        np.testing.assert_array_equal(denoise(noisy, TIMESTEPS, text, np.ones((4, 10), np.float32)), plain)
+
+
 def test_a_size_that_the_graph_fixes_is_an_error_with_both_sizes(tmp_path: Path) -> None:
     write_unet(tmp_path, sample="float[batch, 4, 64, 64]")
     with (

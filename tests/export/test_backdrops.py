@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from export.everyday_objects.backdrops import coverage
+from export.everyday_objects.train.backdrops import coverage
 
 Y, X = np.mgrid[:64, :64]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks._ideal import linear_schedule
-from export.everyday_objects.sample import ddim
+from export.everyday_objects.train.sample import ddim
 
 MEAN, SPREAD = 0.7, 0.25
 

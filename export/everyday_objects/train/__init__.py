@@ -1,0 +1,1 @@
+"""Training, sampling and exporting the default model."""

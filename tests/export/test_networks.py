@@ -1,0 +1,113 @@
+"""The default model's networks: shapes, cameras and rays, views that see each other, weights restored from
+graphs.
+"""
+
+import numpy as np
+import pytest
+import torch
+
+from export.everyday_objects.networks.autoencoder import Decoder, Encoder
+from export.everyday_objects.networks.denoiser import CAMERA, Denoiser, camera_features, ray_map
+from export.everyday_objects.networks.text_encoder import MAX_TOKENS, WIDTH, TextEncoder
+from export.everyday_objects.train.export_bundle import fit_latent_to_rgb
+from export.everyday_objects.train.restore import constants, randomise, transfer
+from export.graph import export_graph
+from pipeline.diffusion.bundle import CAMERA_COLUMNS
+from pipeline.scene.cameras import camera_rays, orbit_camera
+
+SMALL = {"channels": (16, 24, 32), "heads": (0, 2, 2), "embedding": 32}
+
+
+def small_denoiser() -> Denoiser:
+    """A denoiser whose every layer acts."""
+    torch.manual_seed(0)
+    denoiser = Denoiser(**SMALL).eval()
+    for parameter in denoiser.parameters():
+        if not parameter.any():
+            torch.nn.init.normal_(parameter, std=0.2)
+    return denoiser
+
+
+def inputs(rows: int) -> dict[str, torch.Tensor]:
+    generator = torch.Generator().manual_seed(1)
+    return {
+        "sample": torch.randn(rows, 4, 16, 16, generator=generator),
+        "timestep": torch.full((rows,), 500),
+        "encoder_hidden_states": torch.randn(rows, 5, WIDTH, generator=generator),
+        "camera": torch.rand(rows, len(CAMERA), generator=generator),
+    }
+
+
+@torch.no_grad()
+def test_network_shapes():
+    images = torch.rand(2, 3, 64, 64)
+    latents = Encoder().eval()(images)
+    assert latents.shape == (2, 4, 16, 16)
+    assert Decoder()(latents).shape == images.shape
+    text = TextEncoder(600)(torch.zeros(2, MAX_TOKENS, dtype=torch.long))
+    assert text.shape == (2, MAX_TOKENS, WIDTH)
+    assert small_denoiser()(**inputs(4)).shape == (4, 4, 16, 16)
+
+
+def test_rays_are_those_of_the_pipelines_cameras():
+    camera = orbit_camera(0.7, 1.1, 2.5, 0.66)
+    origin, directions = camera_rays(camera, 8)
+    rays = ray_map(torch.tensor([[1, 0.7, 1.1, 2.5, 0.66, 0, 0, 0, 0, 0]]), 8, 8)[0].flatten(1).T.numpy()
+    np.testing.assert_allclose(rays[:, :3], directions, atol=1e-5)
+    np.testing.assert_allclose(rays[:, 3:], np.cross(origin[None], directions), atol=1e-5)
+
+
+def test_a_row_of_zeros_tells_nothing():
+    untold = torch.tensor([[0, 0.7, 1.1, 2.5, 0.66, 0, 0.3, 0.3, 0.3, 0.3]])
+    assert not ray_map(untold, 4, 4).any()
+    assert not camera_features(untold).any()
+    assert set(CAMERA) == set(CAMERA_COLUMNS)
+
+
+@torch.no_grad()
+def test_views_of_an_object_see_each_other_and_no_others():
+    denoiser, given = small_denoiser(), inputs(8)
+    before = denoiser(**given)
+    given["sample"][5] += 1
+    moved = (denoiser(**given) - before).abs().amax((1, 2, 3))
+    assert (moved[:4] == 0).all()
+    assert (moved[4:] > 1e-6).all()
+    alone = denoiser(**given, views=1)
+    given["sample"][5] -= 1
+    moved = (denoiser(**given, views=1) - alone).abs().amax((1, 2, 3))
+    assert moved[[0, 1, 2, 3, 4, 6, 7]].max() == 0
+
+
+@torch.no_grad()
+@pytest.mark.parametrize("name", ["camera", "encoder_hidden_states"])
+def test_every_condition_acts(name):
+    denoiser, given = small_denoiser(), inputs(4)
+    before = denoiser(**given)
+    given[name] = given[name] + 0.5
+    assert (denoiser(**given) - before).abs().max() > 1e-3
+
+
+def test_latent_to_rgb_recovers_a_linear_map():
+    rng = np.random.default_rng(0)
+    latents = rng.uniform(-1, 1, (3, 4, 8, 8)).astype(np.float32)
+    matrix, bias = rng.normal(size=(3, 4)) * 0.2, np.array([0.1, -0.1, 0.0])
+    rgb = np.einsum("kc,nchw->nhwk", matrix, latents) + bias
+    images = np.repeat(np.repeat((rgb + 1) * 127.5, 4, 1), 4, 2).round().astype(np.uint8)
+    found, offset, r2 = fit_latent_to_rgb(latents, images)
+    assert np.abs(found - matrix).max() < 0.01
+    assert np.abs(offset - bias).max() < 0.01
+    assert r2 > 0.999
+
+
+def test_weights_are_restored_from_a_graph(tmp_path):
+    torch.manual_seed(0)
+    networks = {name: TextEncoder(520, layers=1) for name in ("trained", "probe")}
+    for name, network in networks.items():
+        randomise(network)
+        ids = {"input_ids": torch.arange(2 * MAX_TOKENS).reshape(2, MAX_TOKENS)}
+        export_graph(network, ids, ["last_hidden_state"], tmp_path / name, half_weights=True)
+    transfer(networks["probe"], constants(tmp_path / "probe"), constants(tmp_path / "trained"))
+    for found, expected in zip(networks["probe"].parameters(), networks["trained"].parameters(), strict=True):
+        assert torch.equal(found, expected.half().float())
+    with pytest.raises(ValueError, match=r"architecture has changed"):
+        transfer(TextEncoder(520, layers=1), constants(tmp_path / "probe"), constants(tmp_path / "trained"))
