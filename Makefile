@@ -45,7 +45,7 @@ default-model: .venv/.dev
 	$(IN_VENV) -m export.everyday_objects.train.train_autoencoder build/everyday
 	$(IN_VENV) -m export.everyday_objects.data.pictures build/everyday --shards 500
 	$(IN_VENV) -m export.everyday_objects.data.pictures build/everyday --folder held_out_pictures --first 90000 --shards 1
-	$(IN_VENV) -m export.everyday_objects.train.train_denoiser build/everyday --steps 100000
+	$(IN_VENV) -m export.everyday_objects.train.train_denoiser build/everyday --steps 100000 --half 800
 	$(IN_VENV) -m export.everyday_objects.train.export_bundle build/everyday
 	$(IN_VENV) -m export.everyday_objects.train.train_judge build/everyday --steps 4000
 	ONLY=default-model $(IN_VENV) -m benchmarks

@@ -39,7 +39,7 @@ TEXT_DROPOUT, CAMERA_DROPOUT, BACKDROP_DROPOUT, VIEW_WORDS, APART = 0.1, 0.1, 0.
 """Shares of objects without text, without camera, without backdrop; of those with view words beside a camera
 (all have them without one); of steps in which views do not see each other."""
 MUON_RATE, ADAM_RATE, DECAY, WARM_UP = 0.02, 1e-3, 0.01, 200
-AVERAGED = 2000
+AVERAGED = 1000
 """Steps that the moving average looks back on."""
 SAVE_EVERY, LOOK_FOR_SHARDS_EVERY = 200, 200
 FIGURES_AT = (300, 500, 700, 850, 950)
@@ -336,12 +336,15 @@ def main() -> None:
     parser.add_argument("work", type=Path)
     parser.add_argument("--steps", type=int, default=100_000)
     parser.add_argument("--fall", type=int, default=0, help="last steps over which the rates fall")
+    parser.add_argument(
+        "--half", type=int, default=0, help="first steps, at half the size and twice the pace"
+    )
     parser.add_argument("--minutes", type=float, default=0.0, help="stop after so many; 0: at the last step")
     parser.add_argument("--threads", type=int, default=0, help="0: one a core")
     options = parser.parse_args()
     if options.threads:
         torch.set_num_threads(options.threads)
-    train(options.work, options.steps, fall=options.fall, minutes=options.minutes)
+    train(options.work, options.steps, fall=options.fall, minutes=options.minutes, half_until=options.half)
 
 
 if __name__ == "__main__":
