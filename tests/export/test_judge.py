@@ -44,6 +44,7 @@ from export.everyday_objects.train.train_judge import (
     spoil,
     train,
 )
+from pipeline.errors import InputError
 
 
 def pictures(count: int, seed: int) -> Pool:
@@ -250,6 +251,14 @@ def test_sharpening_leaves_flat_pictures_and_steepens_edges() -> None:
     edge[..., 8:] = 0.6
     step = sharpen(np.random.default_rng(0), edge).diff(dim=-1)[..., 7]
     assert (step > 0.3).all()
+
+
+def test_a_judge_of_other_kinds_is_named(tmp_path):
+    judge = Judge().eval()
+    judge.kind = torch.nn.Linear(judge.kind.in_features, 3)
+    save_judge(tmp_path / "judge.npz", judge, {})
+    with pytest.raises(InputError, match=r"judge\.npz is a judge of other kinds.*train"):
+        load_judge(tmp_path / "judge.npz")
 
 
 @pytest.mark.skipif(

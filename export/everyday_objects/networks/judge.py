@@ -16,6 +16,7 @@ from torch.nn import functional as F
 from export.everyday_objects.data.colours import COLOURS
 from export.everyday_objects.data.kinds import BY_WORD
 from export.everyday_objects.data.materials import MATERIALS
+from pipeline.errors import InputError
 
 SIZE = 64
 KINDS = tuple(BY_WORD)
@@ -107,10 +108,20 @@ def save_judge(path: Path, judge: Judge, figures: dict[str, float]) -> None:
 
 
 def load_judge(path: Path) -> tuple[Judge, dict[str, float]]:
-    """Read what `save_judge` wrote."""
+    """Read what `save_judge` wrote.
+
+    Raises:
+        InputError: it is a judge of other kinds or heads than this one's.
+    """
     with np.load(path, allow_pickle=False) as stored:
         figures = json.loads(str(stored["figures"]))
         state = {k: torch.from_numpy(np.asarray(stored[k])) for k in stored.files if k != "figures"}
     judge = Judge()
+    expected = judge.state_dict()
+    if {k: v.shape for k, v in state.items()} != {k: v.shape for k, v in expected.items()}:
+        raise InputError(
+            f"{path} is a judge of other kinds than the {len(KINDS)} of today: train one "
+            "(python -m export.everyday_objects.train.train_judge build/everyday --steps 8000)"
+        )
     judge.load_state_dict({k: v.float() if v.is_floating_point() else v for k, v in state.items()})
     return judge.eval(), figures
