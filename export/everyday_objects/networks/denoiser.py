@@ -121,10 +121,9 @@ class Denoiser(nn.Module):
         text: int = WIDTH,
         embedding: int = 256,
         views: int = 4,
-        rays: bool = True,
     ) -> None:
         super().__init__()
-        self.width, self.views, self.rays = channels[0], views, rays
+        self.width, self.views = channels[0], views
         self.time = nn.Sequential(
             nn.Linear(self.width, embedding), nn.SiLU(), nn.Linear(embedding, embedding)
         )
@@ -134,7 +133,7 @@ class Denoiser(nn.Module):
         )
         self.mix = nn.Linear(embedding, embedding)
         patch = LATENT_CHANNELS * PATCH**2
-        self.stem = nn.Conv2d(patch + (6 if rays else 0) + LATENT_CHANNELS, channels[0], 3, padding=1)
+        self.stem = nn.Conv2d(patch + 6 + LATENT_CHANNELS, channels[0], 3, padding=1)
         self.down, self.shrink, self.up, self.grow = (nn.ModuleList() for _ in range(4))
         previous, last = channels[0], len(channels) - 1
         for i, (c, h) in enumerate(zip(channels, heads, strict=True)):
@@ -174,7 +173,7 @@ class Denoiser(nn.Module):
         embedding = F.silu(embedding + self.mix(F.silu(embedding)))
         x = F.pixel_unshuffle(sample, PATCH)
         told = (camera[:, 5:6] * camera[:, 6:])[:, :, None, None].expand(-1, -1, *x.shape[2:])
-        maps = [x, ray_map(camera, x.shape[2], x.shape[3]), told] if self.rays else [x, told]
+        maps = [x, ray_map(camera, x.shape[2], x.shape[3]), told]
         x = self.stem(torch.cat([m.to(x.dtype) for m in maps], dim=1))
         text, skips = encoder_hidden_states, []
         for level, shrink in zip(self.down, self.shrink, strict=True):
