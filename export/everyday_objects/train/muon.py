@@ -13,17 +13,17 @@ from torch import Tensor
 _MOMENTUM, _ITERATIONS = 0.95, 5
 
 
-def orthogonal(matrix: Tensor, dtype: torch.dtype) -> Tensor:
-    """Return about U V^T of the singular value decomposition U S V^T of a matrix (m, n): five steps of a
-    Newton-Schulz iteration in `dtype` that brings singular values to about 1 (.7 to 1.2)."""
+def orthogonal(matrices: Tensor, dtype: torch.dtype) -> Tensor:
+    """Return about U V^T of the singular value decompositions U S V^T of matrices (..., m, n): five steps of
+    a Newton-Schulz iteration in `dtype` that brings singular values to about 1 (.7 to 1.2)."""
     a, b, c = 3.4445, -4.7750, 2.0315
-    x = (matrix / (matrix.norm() + 1e-7)).to(dtype)
-    tall = x.shape[0] > x.shape[1]
-    x = x.T if tall else x
+    x = (matrices / (matrices.norm(dim=(-2, -1), keepdim=True) + 1e-7)).to(dtype)
+    tall = x.shape[-2] > x.shape[-1]
+    x = x.mT if tall else x
     for _ in range(_ITERATIONS):
-        gram = x @ x.T
+        gram = x @ x.mT
         x = a * x + (b * gram + c * gram @ gram) @ x
-    return (x.T if tall else x).to(matrix.dtype)
+    return (x.mT if tall else x).to(matrices.dtype)
 
 
 class Muon(torch.optim.Optimizer):
@@ -35,8 +35,10 @@ class Muon(torch.optim.Optimizer):
 
     @torch.no_grad()
     def step(self, closure: None = None) -> None:  # type: ignore[override]
-        """Move all parameters that have a gradient."""
+        """Move all parameters that have a gradient, those of one shape together: many small products are
+        slow, most of all on several cores."""
         for group in self.param_groups:
+            alike: dict[tuple[int, int], list[tuple[Tensor, Tensor]]] = {}
             for parameter in group["params"]:
                 if parameter.grad is None:
                     continue
@@ -45,6 +47,10 @@ class Muon(torch.optim.Optimizer):
                     state["momentum"] = torch.zeros_like(parameter)
                 momentum = state["momentum"].mul_(_MOMENTUM).add_(parameter.grad)
                 matrix = parameter.grad.add(momentum, alpha=_MOMENTUM).reshape(len(parameter), -1)
-                longer = max(1.0, matrix.shape[0] / matrix.shape[1]) ** 0.5
-                step = orthogonal(matrix, self.dtype).reshape(parameter.shape)
-                parameter.mul_(1 - group["lr"] * group["decay"]).add_(step, alpha=-group["lr"] * longer)
+                alike.setdefault((matrix.shape[0], matrix.shape[1]), []).append((parameter, matrix))
+            for (rows, columns), members in alike.items():
+                longer = max(1.0, rows / columns) ** 0.5
+                steps = orthogonal(torch.stack([matrix for _, matrix in members]), self.dtype)
+                for (parameter, _), step in zip(members, steps, strict=True):
+                    parameter.mul_(1 - group["lr"] * group["decay"])
+                    parameter.add_(step.reshape(parameter.shape), alpha=-group["lr"] * longer)

@@ -1,7 +1,8 @@
 """Train the autoencoder on pictures of the objects: `python -m
 export.everyday_objects.train.train_autoencoder WORK`.
 
-Writes WORK/autoencoder.pt and goes on from WORK/autoencoder.state.pt. What a scene shows are latents that
+Writes WORK/autoencoder.pt and goes on from WORK/autoencoder.state.pt, or else from the weights of a
+WORK/autoencoder.pt that is there already (`train.restore` takes one from the bundle). What a scene shows are latents that
 were rendered, also at twice the training size, when its texture is baked: so the decoder learns to make a
 picture of 256 pixels out of enlarged latents of one of 128, beside giving back pictures of 128.
 """
@@ -82,6 +83,9 @@ def train(work: Path, steps: int, batch: int = 16, pool: int = 12_000) -> tuple[
         muon.load_state_dict(saved["muon"])
         adam.load_state_dict(saved["adam"])
         start = saved["step"]
+    elif (work / "autoencoder.pt").exists():
+        encoder.load_state_dict(torch.load(work / "autoencoder.pt", weights_only=True)["encoder"])
+        decoder.load_state_dict(torch.load(work / "autoencoder.pt", weights_only=True)["decoder"])
     pictures = draw_pool(work / "autoencoder_pictures.npy", pool)
     average, began = 0.0, time.monotonic()
     for step in range(start, steps):

@@ -253,6 +253,7 @@ def train(
     objects_a_step: int = OBJECTS,
     half_until: int = 0,
     state: str = "denoiser",
+    compiled: bool = False,
     **shape: Any,
 ) -> None:
     """Train to `steps` in all, or for `minutes`; the state is saved every SAVE_EVERY."""
@@ -275,6 +276,8 @@ def train(
             optimiser.load_state_dict(content)
         average, start, shards = saved["average"], saved["step"], saved["shards"]
     held_out = load_objects(work / "held_out_pictures", shard_numbers(work / "held_out_pictures"))
+    if compiled:
+        model.denoiser.compile()
     objects, abar = Objects([], [], [], []), alphas_cumprod().to(device)
     running, began, log = 0.0, time.monotonic(), work / f"{state}.log"
     for step in range(start, steps):
@@ -343,10 +346,20 @@ def main() -> None:
     )
     parser.add_argument("--minutes", type=float, default=0.0, help="stop after so many; 0: at the last step")
     parser.add_argument("--threads", type=int, default=0, help="0: one a core")
+    parser.add_argument(
+        "--compile", action="store_true", help="with torch.compile: minutes at first, then an eighth faster"
+    )
     options = parser.parse_args()
     if options.threads:
         torch.set_num_threads(options.threads)
-    train(options.work, options.steps, fall=options.fall, minutes=options.minutes, half_until=options.half)
+    train(
+        options.work,
+        options.steps,
+        fall=options.fall,
+        minutes=options.minutes,
+        half_until=options.half,
+        compiled=options.compile,
+    )
 
 
 if __name__ == "__main__":
