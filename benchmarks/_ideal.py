@@ -15,10 +15,10 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
+from pipeline.cameras import Camera
 from pipeline.diffusion.distillation import LATENT_NERF_POWER, sds_gradient
 from pipeline.diffusion.schedule import Schedule
-from pipeline.scene.batch import Batch, Guidance
-from pipeline.scene.cameras import Camera
+from pipeline.training.batch import Batch, ViewGradient
 
 Draw = Callable[[Camera, int, Float[np.ndarray, " 4"]], Float[np.ndarray, "4 h w"]]
 """The scene from a camera, so many latent pixels a side, before a flat background."""
@@ -48,7 +48,7 @@ def ideal_guidance(
     signal_power: float = LATENT_NERF_POWER,
     clean_clamp: float = 0.0,
     calls: Calls | None = None,
-) -> Guidance:
+) -> ViewGradient:
     """Return score distillation from the ideal denoiser of what `draw` shows, through `sds_gradient`.
 
     `spread` is the standard deviation s of the latents that the denoiser believes in. It does not listen to

@@ -10,15 +10,15 @@ from benchmarks import _plain
 from benchmarks._timing import compared, in_turn, torch_threads
 from benchmarks._trials import backgrounds
 from benchmarks._truths import Truth
+from pipeline.cameras import orbit_camera
 from pipeline.kernels import hashgrid as kernels
 from pipeline.kernels import parallel
-from pipeline.nerf_options import TrainNerf
-from pipeline.scene.cameras import orbit_camera
-from pipeline.scene.rendering import Rays, composite, evaluate_visible, make_rays, march
-from pipeline.scene.scene import Scene
-from pipeline.scene.training import initial_state
-from pipeline.scene.unwrapping import unwrap_mesh
-from pipeline.scene.view_weights import view_weights
+from pipeline.mesh.unwrap import unwrap_mesh
+from pipeline.nerf.rendering import Rays, composite, evaluate_visible, make_rays, march
+from pipeline.nerf.scene import Scene
+from pipeline.nerf.step import initial_state
+from pipeline.options.nerf import TrainNerf
+from pipeline.paint.view_weights import view_weights
 
 
 class Size(NamedTuple):

@@ -11,10 +11,10 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from pipeline.scene.field import LatentField
-from pipeline.scene.hashgrid import HashGrid
-from pipeline.scene.rendering import NEAR, Rays
-from pipeline.scene.scene import BOX_DIAGONAL, Scene
+from pipeline.nerf.field import LatentField
+from pipeline.nerf.grid_levels import HashGrid
+from pipeline.nerf.rendering import NEAR, Rays
+from pipeline.nerf.scene import BOX_DIAGONAL, Scene
 
 _PRIMES = (1, 2654435761, 805459861)
 _WORD = 2**32 - 1

@@ -8,13 +8,14 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from PIL import Image
 
-from pipeline import engine
-from pipeline import job as jobs
+from pipeline.cameras import Camera, orbit_camera
 from pipeline.errors import InputError
-from pipeline.report.preview import BACKDROP, POLAR, SUPERSAMPLING, albedo_shade, picture, to_bytes, turn
-from pipeline.scene.cameras import Camera, orbit_camera
-from pipeline.scene.mesh import Mesh, read_obj
-from pipeline.scene.paint_mesh import load_paint_mesh
+from pipeline.mesh.mesh import Mesh, read_obj
+from pipeline.options import job as jobs
+from pipeline.paint.given_mesh import load_paint_mesh
+from pipeline.report.png import to_bytes
+from pipeline.report.preview import BACKDROP, POLAR, SUPERSAMPLING, albedo_shade, picture, turn
+from pipeline.run import engine
 
 VIEWS = {
     "front": (0.0, POLAR),

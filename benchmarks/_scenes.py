@@ -20,17 +20,17 @@ from scipy.ndimage import binary_erosion
 from benchmarks.default_model import asked_for, contact_sheet
 from export.everyday_objects.networks.judge import Judge, judge_images, load_judge
 from export.everyday_objects.train.train_judge import JUDGE
-from pipeline import provenance
+from pipeline.cameras import ring
 from pipeline.diffusion.bundle import Bundle, open_bundle
 from pipeline.diffusion.sessions import Decode, vae_decoder
 from pipeline.files import file_sha256
-from pipeline.job import Job, bundle_folder, resolve, stage_options
-from pipeline.scene.baking import decoded_views
-from pipeline.scene.cameras import ring
-from pipeline.scene.refining import render_rgb
-from pipeline.scene.rendering import render_views
-from pipeline.scene.scene import load_scene
-from pipeline.stage import Context
+from pipeline.nerf.refining import render_rgb
+from pipeline.nerf.rendering import render_views
+from pipeline.nerf.scene import load_scene
+from pipeline.nerf.views import decoded_views
+from pipeline.options.job import Job, bundle_folder, resolve, stage_options
+from pipeline.run import provenance
+from pipeline.run.stage import Context
 from pipeline.stages import embed, refine, train_nerf
 
 WORK = Path("build/scenes")

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from benchmarks._tables import markdown
 from benchmarks._trials import Trial, fill, job_of, kept
 from benchmarks._truths import Truth
-from pipeline.job import Job
+from pipeline.options.job import Job
 
 LONG, LONGEST = "500", "1000"
 """Steps of `high` for longer. The qualities' own runs are too short to save a step (`convergence`)."""

@@ -25,24 +25,25 @@ from benchmarks._truths import (
     to_latents,
     visible_surface,
 )
-from pipeline import provenance
-from pipeline.job import Job, resolve
-from pipeline.nerf_options import TrainNerf
-from pipeline.options import plain
-from pipeline.paint_options import TrainPaint
-from pipeline.scene.cameras import Camera, sphere
-from pipeline.scene.coordinates import make_coordinates
-from pipeline.scene.flat_colours import flat_colours
-from pipeline.scene.mesh import Mesh
-from pipeline.scene.painted import complete
-from pipeline.scene.painting import initial_paint, make_pool
-from pipeline.scene.rendering import render_views
-from pipeline.scene.scene import Scene, density
-from pipeline.scene.silhouettes import comparison_cameras
-from pipeline.scene.training import initial_state
-from pipeline.scene.view_weights import view_weights
-from pipeline.stages import train_nerf, train_paint
+from pipeline.cameras import Camera, sphere
+from pipeline.mesh.coordinates import make_coordinates
+from pipeline.mesh.mesh import Mesh
+from pipeline.mesh.silhouettes import comparison_cameras
+from pipeline.nerf import train as nerf_train
+from pipeline.nerf.rendering import render_views
+from pipeline.nerf.scene import Scene, density
+from pipeline.nerf.step import State, initial_state
+from pipeline.options.job import Job, resolve
+from pipeline.options.nerf import TrainNerf
+from pipeline.options.paint import TrainPaint
+from pipeline.options.schema import plain
+from pipeline.paint import train as paint_train
+from pipeline.paint.step import initial_paint, make_pool
+from pipeline.paint.surface_latents import complete
+from pipeline.paint.view_weights import view_weights
+from pipeline.run import provenance
 from pipeline.stages.extract import SILHOUETTE_SIZE, choose_surface, sample_logarithm
+from pipeline.training.flat_colours import flat_colours
 
 PEAK = 2.0
 HELD_OUT = 12
@@ -117,14 +118,14 @@ def learn(truth: Truth, job: Job, traced: int = 0, resolution: int = RESOLUTION)
             "psnr": round(views_psnr(state.scene, truth, cameras, resolution), 3),
         }
 
-    def show(scene: Scene) -> None:
+    def show(state: State) -> None:
         nonlocal watching
         if state.step < options.steps:
             looked = time.process_time()
             rows.append(row())
             watching += time.process_time() - looked
 
-    train_nerf.train(state, [], options, size, guidance, show=show)
+    nerf_train.train(state, [], options, size, guidance, show=show)
     return [*rows, {**row(), **shape_error(state.scene, truth, job)}]
 
 
@@ -142,7 +143,7 @@ def coloured(truth: Truth, job: Job, resolution: int = RESOLUTION) -> dict[str, 
     began = time.process_time()
     pool = make_pool(mesh, options, options.texture, resolution, job.seed)
     state = initial_paint(options, pool, backgrounds(), job.seed)
-    train_paint.train(state, [], options, pool, guidance)
+    paint_train.train(state, [], options, pool, guidance)
     seconds = time.process_time() - began - calls.seconds
     latents, _ = complete(mesh, pool.seen, state.colours.detach().numpy(), options.texture)
     flat = backgrounds()[0]

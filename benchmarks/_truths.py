@@ -15,9 +15,9 @@ from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from export.everyday_objects.data.catalogue import LIBRARIES, RADIUS, Model, fit, load_model, read_catalogue
-from pipeline.scene.cameras import Camera, sphere
-from pipeline.scene.mesh import Mesh, face_normals
-from pipeline.scene.rasterize import Fragments, interpolate, rasterize
+from pipeline.cameras import Camera, sphere
+from pipeline.mesh.mesh import Mesh, face_normals
+from pipeline.mesh.rasterize import Fragments, interpolate, rasterize
 
 SUPERSAMPLING = 3
 _GLASS = 0.5

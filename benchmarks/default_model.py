@@ -31,15 +31,16 @@ from export.everyday_objects.networks.judge import (
 from export.everyday_objects.train.export_bundle import example_pictures
 from export.everyday_objects.train.sample import AZIMUTHS, of_bundle, paint
 from export.everyday_objects.train.train_judge import JUDGE
-from pipeline import engine
-from pipeline import job as jobs
 from pipeline.diffusion import sessions
 from pipeline.diffusion.bundle import Bundle, open_bundle
-from pipeline.diffusion.guidance import told_cameras
 from pipeline.diffusion.tokenizer import load_tokenizer
+from pipeline.diffusion.view_gradient import told_cameras
+from pipeline.mesh.mesh import read_obj
+from pipeline.options import job as jobs
 from pipeline.progress import Progress
-from pipeline.report.preview import albedo_shade, picture, to_bytes, turn
-from pipeline.scene.mesh import read_obj
+from pipeline.report.png import to_bytes
+from pipeline.report.preview import albedo_shade, picture, turn
+from pipeline.run import engine
 
 RUNS = Path("build/default-model")
 HELD_OUT = 200

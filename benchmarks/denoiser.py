@@ -39,13 +39,13 @@ from export.everyday_objects.train.export_bundle import DenoiserGraph
 from export.everyday_objects.train.restore import restore_networks
 from export.graph import export_graph, store_as_half
 from pipeline.diffusion.bundle import Bundle, open_bundle
-from pipeline.diffusion.guidance import told_cameras
 from pipeline.diffusion.onnx_file import read_onnx
 from pipeline.diffusion.prompts import view_words
 from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.sessions import denoiser, text_encoder
 from pipeline.diffusion.tokenizer import load_tokenizer
-from pipeline.job import DEFAULT_MODEL, bundle_folder
+from pipeline.diffusion.view_gradient import told_cameras
+from pipeline.options.job import DEFAULT_MODEL, bundle_folder
 
 LEVELS = (0.1, 0.3, 0.5, 0.7, 0.9)
 """Shares of the schedule: little noise to much."""

@@ -28,11 +28,11 @@ from benchmarks._timing import in_turn, kernel_threads
 from benchmarks._trials import RESOLUTION, backgrounds, decibels, held_out, job_of, views_psnr
 from benchmarks._truths import Truth, analytic_scenes, catalogue_scenes
 from pipeline.kernels import parallel
-from pipeline.nerf_options import TrainNerf
-from pipeline.scene.rendering import Rays, make_rays, render_rays
-from pipeline.scene.scene import Scene
-from pipeline.scene.training import initial_state
-from pipeline.stages.train_nerf import train
+from pipeline.nerf.rendering import Rays, make_rays, render_rays
+from pipeline.nerf.scene import Scene
+from pipeline.nerf.step import initial_state
+from pipeline.nerf.train import train
+from pipeline.options.nerf import TrainNerf
 
 SKIPPED = ("torus", "boxes")
 SKIPPED_MODELS = ("horse",)

@@ -20,14 +20,14 @@ from benchmarks import _scenes as scenes
 from benchmarks._pool import at_once
 from benchmarks._tables import markdown
 from benchmarks.refine import rounded
-from pipeline.diffusion.guidance import Embeddings, load_embeddings
+from pipeline.cameras import orbit_camera
 from pipeline.diffusion.prompts import view_index
 from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.sessions import denoiser
+from pipeline.diffusion.view_gradient import Embeddings, load_embeddings
+from pipeline.nerf.rendering import render_views
+from pipeline.nerf.scene import load_scene
 from pipeline.progress import Progress
-from pipeline.scene.cameras import orbit_camera
-from pipeline.scene.rendering import render_views
-from pipeline.scene.scene import load_scene
 
 PROMPT_COUNT = 4
 ROUNDS, PACED_STEPS = 7, 12

@@ -19,11 +19,11 @@ import numpy as np
 from benchmarks import _scenes as scenes
 from benchmarks._pool import at_once
 from benchmarks.refine import rounded
-from pipeline.diffusion.guidance import flat_backgrounds, load_embeddings
-from pipeline.distillation_options import Distillation
-from pipeline.job import Job
-from pipeline.scene.scene import save_scene
-from pipeline.scene.training import initial_state
+from pipeline.diffusion.view_gradient import flat_backgrounds, load_embeddings
+from pipeline.nerf.scene import save_scene
+from pipeline.nerf.step import initial_state
+from pipeline.options.distillation import Distillation
+from pipeline.options.job import Job
 
 PROMPT_COUNT = 4
 WAYS = ("latent", "refined", "rgb")

@@ -23,9 +23,9 @@ from export.everyday_objects.data.render import Drawable, Looks, render
 from export.everyday_objects.networks.judge import Judge, shrink
 from export.everyday_objects.train.learn_token import STEPS, learn, read_pictures, save
 from export.everyday_objects.train.restore import restore_networks
+from pipeline.cameras import Camera, orbit_camera, ring
 from pipeline.diffusion.bundle import Bundle
 from pipeline.diffusion.tokenizer import load_tokenizer
-from pipeline.scene.cameras import Camera, orbit_camera, ring
 
 OBJECTS = {
     "lamp": Look("purple", parts={"base": "green"}),

@@ -28,7 +28,7 @@ from benchmarks._stopping import LONG, LONGEST, compared, early_ends, long_jobs,
 from benchmarks._tables import markdown
 from benchmarks._trials import RESOLUTION, Trial, fill, job_of, kept
 from benchmarks._truths import Truth, analytic_scenes, catalogue_scenes
-from pipeline.job import Job
+from pipeline.options.job import Job
 
 CACHE = Path("runs/bench/oracle")
 SCENES = ("piano", "car", "horse")

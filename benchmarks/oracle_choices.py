@@ -24,7 +24,6 @@ CHOICES: dict[str, dict[str, Any]] = {
     "annealing with a root": {"timestep_annealing": "sqrt"},
     "Latent-NeRF's weight of timesteps": {"signal_power": 0.5},
     "32 samples a ray": {"samples_per_ray": 32},
-    "half the resolution, first half": {"coarse_share": 0.5},
     "finest grid 128": {"grid_finest": 128},
     "finest grid 512": {"grid_finest": 512},
     "8 levels": {"grid_levels": 8},

@@ -23,30 +23,31 @@ import numpy as np
 from PIL import Image
 
 from export.everyday_objects.data.catalogue import read_catalogue
+from pipeline.cameras import ring
 from pipeline.diffusion.bundle import open_bundle
 from pipeline.diffusion.conditions import conditions_of
-from pipeline.diffusion.guidance import Embeddings, diffusion_guidance, flat_backgrounds
 from pipeline.diffusion.prompts import view_texts
 from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.sessions import Decode, denoiser, text_encoder, vae_decoder, vae_encoder
 from pipeline.diffusion.tokenizer import load_tokenizer
-from pipeline.job import DEFAULT_MODEL, MODELS, Job, resolve
-from pipeline.report.preview import sheet, to_bytes
-from pipeline.scene.baking import bake_cameras, bake_texture
-from pipeline.scene.cameras import ring
-from pipeline.scene.coordinates import make_coordinates
-from pipeline.scene.flat_colours import flat_colours
-from pipeline.scene.mesh import Mesh, bounding_radius
-from pipeline.scene.mesh_input import read_mesh
-from pipeline.scene.paint_baking import atlas_texture, decoded_views, texture_psnr, view_margin
-from pipeline.scene.paint_mesh import to_unit_ball
-from pipeline.scene.painted import Painted, complete
-from pipeline.scene.painting import initial_paint, make_pool
-from pipeline.scene.rasterize import rasterize
-from pipeline.scene.seams import find_seams, seam_jump
-from pipeline.scene.texture import render_texture
+from pipeline.diffusion.view_gradient import Embeddings, distillation_gradient, flat_backgrounds
+from pipeline.mesh.baking import bake_cameras, bake_texture
+from pipeline.mesh.coordinates import make_coordinates
+from pipeline.mesh.mesh import Mesh, bounding_radius
+from pipeline.mesh.rasterize import rasterize
+from pipeline.mesh.readers import read_mesh
+from pipeline.mesh.seams import find_seams, seam_jump
+from pipeline.mesh.texture import render_texture
+from pipeline.options.job import DEFAULT_MODEL, MODELS, Job, resolve
+from pipeline.paint.baking import atlas_texture, painted_views, texture_psnr, view_margin
+from pipeline.paint.given_mesh import to_unit_ball
+from pipeline.paint.step import initial_paint, make_pool
+from pipeline.paint.surface_latents import Painted, complete
+from pipeline.paint.train import train
+from pipeline.report.png import to_bytes
+from pipeline.report.preview import sheet
 from pipeline.stages.embed import embed_texts, flat_latents
-from pipeline.stages.train_paint import train
+from pipeline.training.flat_colours import flat_colours
 
 BUNDLE = MODELS / DEFAULT_MODEL
 TEXTURE, VIEWS, RESOLUTION, HELD_OUT = 1024, 24, 64, 6
@@ -116,7 +117,7 @@ def paint(mesh: Mesh, prompt: str, job: Job) -> tuple[Painted, dict[str, Any]]:
     bundle = open_bundle(BUNDLE, verify=False)
     with denoiser(BUNDLE / "unet", views=bundle.views) as denoise:
         schedule = load_schedule(BUNDLE / "scheduler")
-        guidance = diffusion_guidance(denoise, schedule, embeddings, options, conditions_of(bundle))
+        guidance = distillation_gradient(denoise, schedule, embeddings, options, conditions_of(bundle))
         train(state, [], options, pool, guidance)
     latents, figures = complete(scaled, pool.seen, state.colours.detach().numpy(), options.texture)
     return Painted(latents, options.texture, options.mesh_radius), figures
@@ -126,9 +127,9 @@ def compare(painted: Painted, mesh: Mesh, decode: Decode) -> tuple[dict[str, Any
     """Return the figures of both ways, and three tiles: a decoded view, and each texture seen from there."""
     scaled = mesh._replace(vertices=mesh.vertices * painted.mesh_radius)
     cameras = bake_cameras(VIEWS, bounding_radius(scaled))
-    views = decoded_views(painted, scaled, cameras, RESOLUTION, decode)
+    views = painted_views(painted, scaled, cameras, RESOLUTION, decode)
     held_out = ring(HELD_OUT, np.radians(65.0), 2.5 * bounding_radius(scaled), np.radians(50.0))
-    shown = decoded_views(painted, scaled, held_out, RESOLUTION, decode)
+    shown = painted_views(painted, scaled, held_out, RESOLUTION, decode)
     margin = view_margin(len(views[0]), RESOLUTION)
     textures = {
         "views": bake_texture(scaled, cameras, views, TEXTURE, margin, two_sided=True)[0],

@@ -28,8 +28,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from pipeline.nerf_options import TrainNerf
-from pipeline.paint_options import TrainPaint
+from pipeline.options.nerf import TrainNerf
+from pipeline.options.paint import TrainPaint
 
 STEPS, ROUNDS = 10, 5
 PHASES = ("export", "text", "paint", "decode", "denoiser")
@@ -119,9 +119,9 @@ def export(work: Path) -> dict[str, Any]:
 
 def embeddings(work: Path) -> Any:
     """Return texts that the exported encoder embedded, as stage `embed` makes them."""
-    from pipeline.diffusion.guidance import Embeddings
     from pipeline.diffusion.sessions import text_encoder
     from pipeline.diffusion.tokenizer import load_tokenizer
+    from pipeline.diffusion.view_gradient import Embeddings
 
     ids = load_tokenizer(work / "sd14" / "tokenizer").encode("a red chair")
     with text_encoder(work / "sd14" / "text_encoder") as encode:
@@ -131,9 +131,9 @@ def embeddings(work: Path) -> Any:
 
 def steps(work: Path, make_step: Callable[[Any], Callable[[Any], dict[str, float]]]) -> dict[str, Any]:
     """Take the steps of one mode; return medians of each part's seconds and of the whole step's."""
-    from pipeline.diffusion.guidance import diffusion_guidance
     from pipeline.diffusion.schedule import load_schedule
     from pipeline.diffusion.sessions import denoiser
+    from pipeline.diffusion.view_gradient import distillation_gradient
 
     told = embeddings(work)
     step = make_step(told)
@@ -141,7 +141,9 @@ def steps(work: Path, make_step: Callable[[Any], Callable[[Any], dict[str, float
     began = time.perf_counter()
     with denoiser(work / "sd14" / "unet") as denoise:
         opened = time.perf_counter() - began
-        guidance = diffusion_guidance(denoise, load_schedule(work / "sd14" / "scheduler"), told, TrainNerf())
+        guidance = distillation_gradient(
+            denoise, load_schedule(work / "sd14" / "scheduler"), told, TrainNerf()
+        )
         for index in range(STEPS):
             rows.append(step(guidance))
             print(f"step {index + 1}: {sum(rows[-1].values()):.2f} s", file=sys.stderr, flush=True)
@@ -154,8 +156,8 @@ def steps(work: Path, make_step: Callable[[Any], Callable[[Any], dict[str, float
 
 def text(work: Path) -> dict[str, Any]:
     """Ten steps of training a field."""
-    from pipeline.diffusion.guidance import flat_backgrounds
-    from pipeline.scene.training import initial_state, training_step
+    from pipeline.diffusion.view_gradient import flat_backgrounds
+    from pipeline.nerf.step import initial_state, training_step
 
     def make_step(told: Any) -> Callable[[Any], dict[str, float]]:
         options = TrainNerf(steps=STEPS, cameras_per_step=1)
@@ -169,9 +171,9 @@ def paint(work: Path) -> dict[str, Any]:
     """Ten steps of painting a ball."""
     import trimesh
 
-    from pipeline.diffusion.guidance import flat_backgrounds
-    from pipeline.scene.mesh import Mesh
-    from pipeline.scene.painting import initial_paint, make_pool, paint_step
+    from pipeline.diffusion.view_gradient import flat_backgrounds
+    from pipeline.mesh.mesh import Mesh
+    from pipeline.paint.step import initial_paint, make_pool, paint_step
 
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.6)
 

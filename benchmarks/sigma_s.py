@@ -20,13 +20,14 @@ from PIL import Image
 from trimesh import Trimesh
 from trimesh.sample import sample_surface
 
-from pipeline.engine import run_job
-from pipeline.job import resolve
-from pipeline.report.preview import albedo_shade, normal_shade, picture, sheet, to_bytes
-from pipeline.scene.cameras import Camera, orbit_camera
-from pipeline.scene.mesh import Mesh, read_obj, read_ply
-from pipeline.scene.sketch import volume_iou
-from pipeline.scene.winding import distances, winding_numbers
+from pipeline.cameras import Camera, orbit_camera
+from pipeline.mesh.mesh import Mesh, read_obj, read_ply
+from pipeline.options.job import resolve
+from pipeline.report.png import to_bytes
+from pipeline.report.preview import albedo_shade, normal_shade, picture, sheet
+from pipeline.run.engine import run_job
+from pipeline.sketch.lattice import volume_iou
+from pipeline.sketch.winding import distances, winding_numbers
 
 SEEDS = (0, 1)
 SIGMAS = (0.05, 0.1, 0.3, 0.7, 1.5)
@@ -104,11 +105,11 @@ def main(folder: Path) -> dict[str, Any]:
     """Make the runs, write the pictures into `folder`, return the figures."""
     tables, rows = [], []
     for prompt, sketch in ABLATION:
-        made = {seed: [make(prompt, sketch, seed, shape_sigma=sigma) for sigma in SIGMAS] for seed in SEEDS}
+        made = {seed: [make(prompt, sketch, seed, sigma_s=sigma) for sigma in SIGMAS] for seed in SEEDS}
         runs, seeds = made[SEEDS[0]], {str(seed): compare(folders) for seed, folders in made.items()}
         means = np.mean(list(seeds.values()), axis=0).round(5).T.tolist()
         figures = dict(zip(Agreement._fields, means, strict=True))
-        held = [make(prompt, sketch, shape_sigma=min(SIGMAS), shape_weight=weight) for weight in WEIGHTS]
+        held = [make(prompt, sketch, sigma_s=min(SIGMAS), shape_weight=weight) for weight in WEIGHTS]
         weights = dict(zip(Agreement._fields, map(list, zip(*compare(held), strict=True)), strict=True))
         tables.append({"prompt": prompt, "sketch": sketch, **figures, "seeds": seeds, "weights": weights})
         guide = sketch_tile(runs[0])

@@ -29,30 +29,30 @@ from benchmarks._ideal import ideal_guidance, linear_schedule
 from benchmarks._savings import Row, table
 from benchmarks._stopping import Pair, long_runs, pairs
 from benchmarks._timing import in_turn
-from benchmarks._trials import RESOLUTION, backgrounds, held_out, job_of, learn
+from benchmarks._trials import RESOLUTION, backgrounds, held_out, job_of
 from benchmarks._truths import Truth, analytic_scenes, catalogue_scenes
 from benchmarks.oracle import CACHE, SCENES
+from pipeline.cameras import Camera
 from pipeline.diffusion.bundle import open_bundle
 from pipeline.diffusion.distillation import sds_gradient
 from pipeline.diffusion.prompts import view_index, view_texts
 from pipeline.diffusion.sessions import denoiser, text_encoder, vae_decoder, vae_encoder
 from pipeline.diffusion.tokenizer import load_tokenizer
-from pipeline.engine import run_job
-from pipeline.job import DEFAULT_MODEL, MODELS, Job, resolve
-from pipeline.scene.cameras import Camera
-from pipeline.scene.coordinates import make_coordinates
-from pipeline.scene.mesh import Mesh
-from pipeline.scene.occupancy import everywhere
-from pipeline.scene.painting import Pool, initial_paint, make_pool, paint_step
-from pipeline.scene.rendering import count_samples, make_rays, render_rays
-from pipeline.scene.scene import Scene
-from pipeline.scene.shape_loss import LEAST_WEIGHT, nearest_judged, shape_loss
-from pipeline.scene.sketch import Sketch, lattice, look_up
-from pipeline.scene.training import initial_state
-from pipeline.scene.view_weights import view_weights
-from pipeline.scene.winding import distances, winding_numbers
+from pipeline.mesh.coordinates import make_coordinates
+from pipeline.mesh.mesh import Mesh
+from pipeline.nerf.occupancy import everywhere
+from pipeline.nerf.rendering import count_samples, make_rays, render_rays
+from pipeline.nerf.scene import Scene
+from pipeline.nerf.shape_loss import LEAST_WEIGHT, nearest_judged, shape_loss
+from pipeline.nerf.step import initial_state
+from pipeline.nerf.train import train
+from pipeline.options.job import DEFAULT_MODEL, MODELS, Job, resolve
+from pipeline.paint.step import Pool, initial_paint, make_pool, paint_step
+from pipeline.paint.view_weights import view_weights
+from pipeline.run.engine import run_job
+from pipeline.sketch.lattice import Sketch, lattice, look_up
+from pipeline.sketch.winding import distances, winding_numbers
 from pipeline.stages.embed import embed_texts
-from pipeline.stages.train_nerf import train
 
 BUNDLE = MODELS / DEFAULT_MODEL
 RUNS = Path("runs/bench")
@@ -105,26 +105,6 @@ def rendering(scene: Scene, cameras: Sequence[Camera], size: int, rounds: int) -
 
 def _two(seen: Any) -> tuple[torch.Tensor, torch.Tensor]:
     return seen.latents, seen.log_transmittance
-
-
-def progressive(truth: Truth, job: Job, resolution: int) -> list[Row]:
-    """Return what levels and pixels save that join later, and what they cost in decibels."""
-    kinds = (
-        ("hash levels before they matter", "train_nerf.level_ramp", {"level_ramp": 0.5}),
-        ("render resolution before it matters", "train_nerf.coarse_share", {"coarse_share": 0.5}),
-    )
-    whole = learn(truth, job, 0, resolution)[-1]
-    rows = []
-    for item, switch, changed in kinds:
-        options = dataclasses.replace(job.train_nerf, **changed)  # type: ignore[arg-type]
-        part = learn(truth, dataclasses.replace(job, train_nerf=options), 0, resolution)[-1]
-        values = ", ".join(f"{value}" for value in changed.values())
-        rows.append(
-            Row(item, f"{switch}: {values}", "off", "processor seconds of training without the denoiser",
-                whole["seconds"], part["seconds"], whole["psnr"] - part["psnr"],
-                "PSNR of held-out views [dB lost]")
-        )  # fmt: skip
-    return rows
 
 
 def after_convergence(scene: str, both: Pair) -> Row:
@@ -286,7 +266,6 @@ def main(folder: Path) -> dict[str, Any]:
     long = long_runs([*analytic_scenes(), *catalogue_scenes(SCENES)])
     rows = [
         *rendering(learned(truth, job, RESOLUTION), held_out(job.train_nerf), RESOLUTION, rounds),
-        *progressive(truth, job, RESOLUTION),
         *(
             after_convergence(run.truth.name, both)
             for run, both in zip(long, pairs(long, CACHE, RESOLUTION), strict=True)
@@ -295,7 +274,7 @@ def main(folder: Path) -> dict[str, Any]:
         unused_texts(job, rounds),
         *texels(truth, job, RESOLUTION, rounds),
         models(),
-        sketch_band(truth, job.train_nerf.shape_sigma, 100_000, job.sketch_field.cells, rounds),
+        sketch_band(truth, job.train_nerf.sigma_s, 100_000, job.sketch_field.cells, rounds),
         unchanged_stages(RUNS),
     ]
     figures = [row.figures() for row in rows]

@@ -15,7 +15,7 @@ from types import FrameType
 
 from pipeline.errors import InputError
 from pipeline.files import refusal
-from pipeline.job import MODELS
+from pipeline.options.job import MODELS
 
 CHOICES = {
     "STORAGE": ("fp32", "fp16"),

@@ -11,13 +11,13 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from pipeline import engine
-from pipeline import job as jobs
 from pipeline.errors import InputError
 from pipeline.files import refusal
-from pipeline.options import describe
+from pipeline.options import job as jobs
+from pipeline.options.schema import describe
 from pipeline.progress import duration
-from pipeline.verify import verify
+from pipeline.run import engine
+from pipeline.run.verify import verify
 
 
 def main(arguments: list[str], environment: Mapping[str, str]) -> int:

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from urllib.parse import unquote
 
-from pipeline.scene.mesh_files import buffer_files
+from pipeline.mesh.file_checks import buffer_files
 
 
 def relative(path):
@@ -42,7 +42,7 @@ def given_files(name):
 
 
 PYTHON = sys.executable
-STAGE = "exec {PYTHON:q} -m pipeline.warm {rule} --job job.yaml {params.files:q}"
+STAGE = "exec {PYTHON:q} -m pipeline.run.stage_server {rule} --job job.yaml {params.files:q}"
 
 
 rule all:

@@ -11,7 +11,7 @@ INTERVAL = {True: 0.2, False: 5.0}
 """Time between lines on a terminal and elsewhere [seconds]."""
 
 channel: TextIO | None = None
-"""Where progress goes; None: standard error. `pipeline.stage.execute` sets it."""
+"""Where progress goes; None: standard error. `pipeline.run.stage.execute` sets it."""
 
 
 def say(text: str) -> None:

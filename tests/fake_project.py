@@ -26,8 +26,8 @@ import hashlib, json, sys, time
 from pathlib import Path
 from pipeline.errors import InputError
 from pipeline.files import path_sha256
-from pipeline.job import stage_options
-from pipeline.stage import Context, Progress, execute, say
+from pipeline.options.job import stage_options
+from pipeline.run.stage import Context, Progress, execute, say
 from pipeline.stages import tools
 
 NAME = {name!r}

@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float
 
 from benchmarks._ideal import ideal_guidance
-from pipeline.scene.batch import Guidance
-from pipeline.scene.cameras import Camera, camera_rays
+from pipeline.cameras import Camera, camera_rays
+from pipeline.training.batch import ViewGradient
 
 SUPERSAMPLING = 3
 
@@ -52,6 +52,6 @@ def inside(balls: tuple[Ball, ...], points: Float[np.ndarray, "n 3"]) -> np.ndar
     return covered
 
 
-def oracle_guidance(balls: tuple[Ball, ...], spread: float = 0.1) -> Guidance:
+def oracle_guidance(balls: tuple[Ball, ...], spread: float = 0.1) -> ViewGradient:
     """Return score distillation from the ideal denoiser of these balls."""
     return ideal_guidance(lambda camera, size, flat: picture(balls, camera, size, flat)[0], spread)

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from pipeline.scene.cameras import Camera, camera_rays
-from pipeline.scene.mesh import Mesh
+from pipeline.cameras import Camera, camera_rays
+from pipeline.mesh.mesh import Mesh
 from pipeline.stages.extract import sample_logarithm, surface
 
 Distance = Callable[[np.ndarray], np.ndarray]

@@ -92,7 +92,7 @@ def make(*arguments: str) -> "subprocess.CompletedProcess[str]":
         (["PROMPT=x", "MESH=README.md", "SKETCH=README.md"], ["SKETCH", "MESH", "leave one out"]),
         (["PROMPT=x", "SKETCH=absent.obj"], ["SKETCH", "absent.obj", "is no file"]),
         (["PROMPT=x", "SIGMA_S=0.3"], ["SIGMA_S", "SKETCH=file"]),
-        (["PROMPT=x", "SKETCH=README.md", "SIGMA_S=0"], ["shape_sigma", "0.01", "10"]),
+        (["PROMPT=x", "SKETCH=README.md", "SIGMA_S=0"], ["sigma_s", "0.01", "10"]),
         (["PROMPT=x", "SKETCH=README.md", "SIGMA_S=wide"], ["SIGMA_S", "'wide'", "0.3"]),
         (["PROMPT=x", "REFINE=yes"], ["REFINE", "'yes'", "1"]),
         (["PROMPT=x", "TOKEN=cat.safetensors"], ["TOKEN", "cat.safetensors", "no file"]),

@@ -92,7 +92,7 @@ def test_the_runtime_environment_has_neither_diffusers_nor_transformers() -> Non
 
 
 def test_everything_the_pipeline_imports_is_in_the_runtime_environment() -> None:
-    from pipeline.provenance import DISTRIBUTIONS
+    from pipeline.run.provenance import DISTRIBUTIONS
 
     closure = runtime_closure()
     used = {name for path in python_files("pipeline") for name in imported(path)} - set(
@@ -124,5 +124,7 @@ def test_importing_every_module_loads_neither() -> None:
 
 def test_the_front_door_is_light() -> None:
     """Deciding that there is nothing to do must not wait for torch."""
-    loaded = loaded_by("import pipeline.__main__, pipeline.plan, pipeline.engine, pipeline.diffusion.bundle")
+    loaded = loaded_by(
+        "import pipeline.__main__, pipeline.run.plan, pipeline.run.engine, pipeline.diffusion.bundle"
+    )
     assert not loaded & {"torch", "onnxruntime", "numba", "scipy", "snakemake", "pymeshlab"}

@@ -12,8 +12,8 @@ import trimesh
 from PIL import Image
 
 from pipeline.files import file_sha256
-from pipeline.scene.mesh_files import read_gltf_json
-from pipeline.scene.mesh_input import read_mesh
+from pipeline.mesh.file_checks import read_gltf_json
+from pipeline.mesh.readers import read_mesh
 from tests.fake_project import ROOT, clean_environment, kill_group
 from tests.tiny_bundle import write_tiny_bundle
 

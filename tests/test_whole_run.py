@@ -133,7 +133,7 @@ def test_killed_in_training_and_continued_is_the_same_asset(folder: Path) -> Non
 
 def test_a_wrong_number_of_threads_in_the_caller_changes_nothing(folder: Path) -> None:
     """Threads come from THREADS or the machine, never from the caller's environment."""
-    from pipeline.engine import environment
+    from pipeline.run.engine import environment
 
     made = environment(2, {**os.environ, "OMP_NUM_THREADS": "7", "PYTHONHASHSEED": "9"})
     assert (made["OMP_NUM_THREADS"], made["NUMBA_NUM_THREADS"], made["PYTHONHASHSEED"]) == ("2", "2", "0")

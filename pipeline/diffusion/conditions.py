@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from pipeline.diffusion.bundle import Bundle
-from pipeline.scene.batch import Batch
+from pipeline.training.batch import Batch
 
 
 class Conditions(NamedTuple):

@@ -20,7 +20,7 @@ from safetensors.torch import load as load_safetensors
 
 from pipeline.diffusion.tokens import ANY, LearnedToken
 from pipeline.errors import InputError
-from pipeline.options import short
+from pipeline.options.schema import short
 
 FORMATS = (".safetensors", ".bin", ".pt")
 LARGEST_FILE = 64 * 2**20

@@ -22,7 +22,7 @@ from pipeline.diffusion.bundle import graph_config
 from pipeline.diffusion.onnx_file import read_onnx
 from pipeline.diffusion.tokenizer import ClipTokenizer
 from pipeline.errors import InputError
-from pipeline.options import short
+from pipeline.options.schema import short
 
 ANY = "*"
 _PRIVATE = 0xE000

@@ -1,1 +1,1 @@
-"""Compiled inner loops (numba) on plain arrays; the typed functions around them are in pipeline.scene."""
+"""Compiled inner loops (numba) on plain arrays; the typed functions around them are in other rooms."""

@@ -10,13 +10,13 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
+from pipeline.cameras import Camera, ring
 from pipeline.kernels.parallel import threads
-from pipeline.scene.cameras import Camera, ring
-from pipeline.scene.mesh import Mesh, bounding_radius, vertex_normals
-from pipeline.scene.rasterize import Fragments, interpolate, rasterize
-from pipeline.scene.texture import render_texture
+from pipeline.mesh.mesh import Mesh, bounding_radius, vertex_normals
+from pipeline.mesh.rasterize import Fragments, interpolate, rasterize
+from pipeline.mesh.texture import render_texture
 
 BACKDROP = 0.93  # a light grey, so that both black and white objects stand out
 SUPERSAMPLING = 3
@@ -75,11 +75,6 @@ def normal_shade(mesh: Mesh) -> Shade:
         return np.asarray(0.5 + 0.5 * local, np.float32)
 
     return shade
-
-
-def to_bytes(image: Float[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
-    """Return 8-bit colours."""
-    return np.asarray(np.round(np.clip(image, 0.0, 1.0) * 255), np.uint8)
 
 
 def sheet(tiles: Sequence[Float[np.ndarray, "p p 3"]], columns: int) -> Float[np.ndarray, "h w 3"]:

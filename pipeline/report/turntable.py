@@ -8,8 +8,9 @@ from pathlib import Path
 import av
 import numpy as np
 
-from pipeline.report.preview import Shade, pictures, to_bytes, turn
-from pipeline.scene.mesh import Mesh
+from pipeline.mesh.mesh import Mesh
+from pipeline.report.png import to_bytes
+from pipeline.report.preview import Shade, pictures, turn
 
 FRAMES_PER_SECOND = 24
 SUPERSAMPLING = 2  # motion and the codec hide what more would add

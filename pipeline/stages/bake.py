@@ -2,35 +2,22 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
-from PIL import Image
 
-from pipeline.diffusion.bundle import STABLE_DIFFUSION_LATENTS, read_json
+from pipeline.diffusion.decoding import view_resolution
 from pipeline.diffusion.sessions import vae_decoder
-from pipeline.scene.baking import MARGIN, bake_cameras, bake_texture, decoded_views, rgb_views
-from pipeline.scene.mesh import bounding_radius, read_obj
-from pipeline.scene.rendering import render_views
-from pipeline.scene.scene import load_scene
-from pipeline.scene.silhouettes import comparison_cameras, mean_iou, opacity_masks, silhouettes
-from pipeline.stage import Context, Progress, execute
+from pipeline.mesh.baking import MARGIN, bake_cameras, bake_texture
+from pipeline.mesh.mesh import bounding_radius, read_obj
+from pipeline.mesh.silhouettes import comparison_cameras, mean_iou, opacity_masks, silhouettes
+from pipeline.nerf.rendering import render_views
+from pipeline.nerf.scene import load_scene
+from pipeline.nerf.views import decoded_views, rgb_views
+from pipeline.report.png import write_png
+from pipeline.run.stage import Context, Progress, execute
 
 COMPARED_SIZE = 96
 PIXELS_PER_LATENT = 2
 """A refined scene is rendered this much finer than a latent one: there is no decoder to add detail."""
-
-
-def view_resolution(description: Path | None) -> int:
-    """Return the side of the views to decode [latent pixels], from bundle.json; without one, for Stable
-    Diffusion.
-
-    Small latents are rendered at twice the size they were trained at, which was worth 0.3 dB against the true
-    object; large ones are not, since decoding would take minutes.
-    """
-    size = read_json(description).get("latent_size") if description else None
-    trained = STABLE_DIFFUSION_LATENTS if size is None else int(size)
-    return max(trained, min(2 * trained, STABLE_DIFFUSION_LATENTS))
 
 
 def main(context: Context) -> None:
@@ -60,8 +47,7 @@ def main(context: Context) -> None:
         view_pixels=len(pictures[0]),
         texture=options.texture,
     )
-    picture = Image.fromarray(np.round(texture * 255).astype(np.uint8))
-    picture.save(context.outputs["albedo"], format="PNG")
+    write_png(context.outputs["albedo"], texture)
 
 
 if __name__ == "__main__":

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import numpy as np
-from PIL import Image
-
+from pipeline.diffusion.decoding import view_resolution
 from pipeline.diffusion.sessions import vae_decoder
 from pipeline.errors import InputError
-from pipeline.scene.baking import bake_cameras, bake_texture
-from pipeline.scene.mesh import bounding_radius
-from pipeline.scene.paint_baking import atlas_texture, bake_faces, decoded_views, view_margin
-from pipeline.scene.paint_mesh import load_paint_mesh
-from pipeline.scene.painted import load_painted
-from pipeline.scene.seams import find_seams, seam_jump
-from pipeline.scene.texture import surface_texels
-from pipeline.stage import Context, Progress, execute
-from pipeline.stages.bake import view_resolution
+from pipeline.mesh.baking import bake_cameras, bake_texture
+from pipeline.mesh.mesh import bounding_radius
+from pipeline.mesh.seams import find_seams, seam_jump
+from pipeline.mesh.texture import surface_texels
+from pipeline.paint.baking import atlas_texture, bake_faces, painted_views, view_margin
+from pipeline.paint.given_mesh import load_paint_mesh
+from pipeline.paint.surface_latents import load_painted
+from pipeline.report.png import write_png
+from pipeline.run.stage import Context, Progress, execute
 
 
 def main(context: Context) -> None:
@@ -33,7 +31,7 @@ def main(context: Context) -> None:
             texture = atlas_texture(painted, mesh, options.texture, decode)
         else:
             with Progress("bake_paint", len(cameras), "views") as progress:
-                views = decoded_views(painted, mesh, cameras, resolution, decode, progress.update)
+                views = painted_views(painted, mesh, cameras, resolution, decode, progress.update)
             margin = view_margin(len(views[0]), resolution)
             metrics.update(view_resolution=resolution, view_pixels=len(views[0]))
             if painted.texture is None:
@@ -53,8 +51,7 @@ def main(context: Context) -> None:
             seam_share=seams.share,
             seam_error=seam_jump(seams, texture),
         )
-    picture = Image.fromarray(np.round(np.clip(texture, 0, 1) * 255).astype(np.uint8))
-    picture.save(context.outputs["albedo"], format="PNG")
+    write_png(context.outputs["albedo"], texture)
 
 
 if __name__ == "__main__":

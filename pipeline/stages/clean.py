@@ -16,10 +16,10 @@ from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
-from pipeline.scene.mesh import Mesh, read_ply, used_vertices, write_ply
-from pipeline.scene.silhouettes import comparison_cameras, mean_iou, silhouettes
-from pipeline.scene.topology import Topology, face_components, signed_volumes, topology
-from pipeline.stage import Context, execute
+from pipeline.mesh.mesh import Mesh, read_ply, used_vertices, write_ply
+from pipeline.mesh.silhouettes import comparison_cameras, mean_iou, silhouettes
+from pipeline.mesh.topology import Topology, face_components, signed_volumes, topology
+from pipeline.run.stage import Context, execute
 
 REPAIR_ROUNDS = 4
 FRAGMENT = 0.05  # smallest part of `min_component` that can be a cut-off part instead of a floater

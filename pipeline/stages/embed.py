@@ -18,8 +18,8 @@ from pipeline.diffusion.prompts import view_suffixes
 from pipeline.diffusion.sessions import Encode, EncodeText, text_encoder, vae_encoder
 from pipeline.diffusion.tokenizer import ClipTokenizer, load_tokenizer, unknown_words
 from pipeline.diffusion.tokens import insert_tokens, readable, token_table
-from pipeline.scene.flat_colours import flat_colours
-from pipeline.stage import Context, execute
+from pipeline.run.stage import Context, execute
+from pipeline.training.flat_colours import flat_colours
 
 BACKGROUND_PIXELS = 128
 """A flat colour needs no more: the encoder of Stable Diffusion at 512 would take minutes for all of them."""

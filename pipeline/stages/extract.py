@@ -16,14 +16,14 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter
 from skimage.measure import marching_cubes
 
+from pipeline.cameras import Camera
 from pipeline.errors import InputError
-from pipeline.scene.cameras import Camera
-from pipeline.scene.mesh import Mesh, write_ply
-from pipeline.scene.rendering import render_views
-from pipeline.scene.scene import density as scene_density
-from pipeline.scene.scene import load_scene
-from pipeline.scene.silhouettes import comparison_cameras, mean_iou, opacity_masks, silhouettes
-from pipeline.stage import Context, Progress, execute
+from pipeline.mesh.mesh import Mesh, write_ply
+from pipeline.mesh.silhouettes import comparison_cameras, mean_iou, opacity_masks, silhouettes
+from pipeline.nerf.rendering import render_views
+from pipeline.nerf.scene import density as scene_density
+from pipeline.nerf.scene import load_scene
+from pipeline.run.stage import Context, Progress, execute
 
 SILHOUETTE_SIZE = 96
 LEAST_DENSITY = 0.1  # thresholds below it [1 / scene unit] only find haze: a whole box of it is 18 % opaque

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from pipeline.paint_options import Prepare
+from pipeline.mesh.coordinates import make_coordinates
+from pipeline.mesh.mesh import Mesh
+from pipeline.mesh.readers import read_mesh
+from pipeline.mesh.topology import topology
+from pipeline.options.paint import Prepare
+from pipeline.paint.given_mesh import PaintMesh, save_paint_mesh, to_unit_ball
 from pipeline.progress import say
-from pipeline.scene.coordinates import make_coordinates
-from pipeline.scene.mesh import Mesh
-from pipeline.scene.mesh_input import read_mesh
-from pipeline.scene.paint_mesh import PaintMesh, save_paint_mesh, to_unit_ball
-from pipeline.scene.topology import topology
-from pipeline.stage import Context, execute
+from pipeline.run.stage import Context, execute
 
 MANY_FACES = 200_000
 """xatlas merges charts in more than linear time: a million faces take ten minutes."""

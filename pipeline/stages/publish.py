@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from PIL import Image
 
-from pipeline.report.preview import albedo_shade, preview, to_bytes
+from pipeline.mesh.gltf import Part, glb_bytes
+from pipeline.mesh.mesh import bounding_radius, material_text, read_obj, split_seams, write_obj
+from pipeline.mesh.topology import topology
+from pipeline.report.png import write_png
+from pipeline.report.preview import albedo_shade, preview
 from pipeline.report.turntable import write_turntable
-from pipeline.scene.gltf import Part, glb_bytes
-from pipeline.scene.mesh import bounding_radius, read_obj, split_seams, write_obj
-from pipeline.scene.topology import topology
-from pipeline.stage import Context, Progress, execute
+from pipeline.run.stage import Context, Progress, execute
 
 OBJECT_NAME = "asset"
-
-
-def material_text(texture: str) -> str:
-    """Return the MTL file: an unlit material (illum 0) whose colour is the texture of that name."""
-    return f"newmtl albedo\nKa 0 0 0\nKd 1 1 1\nKs 0 0 0\nillum 0\nmap_Kd {texture}\n"
-
-
-def write_png(path: Path, image: Image.Image) -> None:
-    """Write a PNG file without dates or other ancillary text."""
-    image.save(path, format="PNG")
 
 
 def main(context: Context) -> None:
@@ -41,7 +30,7 @@ def main(context: Context) -> None:
     outputs["glb"].write_bytes(glb_bytes([part], outputs["albedo"].read_bytes()))
     outputs["mtl"].write_text(material_text(outputs["albedo"].name), encoding="ascii")
     write_obj(outputs["obj"], mesh, outputs["mtl"].name, normals=True)
-    write_png(outputs["preview"], Image.fromarray(to_bytes(preview(mesh, shade, options.preview_size))))
+    write_png(outputs["preview"], preview(mesh, shade, options.preview_size))
     with Progress("publish", options.turntable_frames, "frames") as progress:
         write_turntable(
             outputs["turntable"],

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 from PIL import Image
 
-from pipeline.report.preview import albedo_shade, face_shade, preview, to_bytes
+from pipeline.mesh.gltf import glb_bytes
+from pipeline.mesh.mesh import material_text
+from pipeline.paint.given_mesh import load_paint_mesh
+from pipeline.paint.write_back import float32_place, painted_obj, painted_parts
+from pipeline.report.png import write_png
+from pipeline.report.preview import albedo_shade, face_shade, preview
 from pipeline.report.turntable import write_turntable
-from pipeline.scene.gltf import glb_bytes
-from pipeline.scene.paint_mesh import load_paint_mesh
-from pipeline.scene.painted_asset import float32_place, painted_obj, painted_parts
-from pipeline.stage import Context, Progress, execute
-from pipeline.stages.publish import material_text, write_png
+from pipeline.run.stage import Context, Progress, execute
 
 
 def main(context: Context) -> None:
@@ -36,7 +37,7 @@ def main(context: Context) -> None:
     library = outputs["mtl"].name if colours is None else None
     outputs["obj"].write_text(painted_obj(mesh, library, colours), encoding="utf-8")
     shade = albedo_shade(shown, values) if colours is None else face_shade(colours)
-    write_png(outputs["preview"], Image.fromarray(to_bytes(preview(shown, shade, options.preview_size))))
+    write_png(outputs["preview"], preview(shown, shade, options.preview_size))
     with Progress("publish_paint", options.turntable_frames, "frames") as progress:
         write_turntable(
             outputs["turntable"],

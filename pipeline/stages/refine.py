@@ -1,69 +1,56 @@
 """Stage `refine`: RGB refinement. The trained latent field becomes an RGB field and is trained on.
 
 First it is fitted to what the decoder makes of the latent scene, then it is distilled: the linear layer alone
-gives blurred colours, and distillation would spend its steps on what the decoder knows already.
+gives blurred colours, and distillation would spend its steps on what the decoder knows already. Reads the
+latent scene, what `train_nerf` reads, and the autoencoder; writes the RGB scene and the history of its steps.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from PIL import Image
 
-from pipeline import files
+from pipeline.cameras import Camera
 from pipeline.diffusion.bundle import Bundle, open_bundle
-from pipeline.diffusion.conditions import conditions_of
-from pipeline.diffusion.guidance import distil, load_embeddings
-from pipeline.diffusion.rgb_guidance import (
-    LATENT_TO_RGB,
-    Target,
-    encoder_guidance,
-    enlarge,
-    image_guidance,
-    picture_guidance,
+from pipeline.diffusion.refinement import (
+    picture_distillation,
+    possible_gradient,
+    require_encoder,
+    view_size,
 )
-from pipeline.diffusion.schedule import load_schedule
-from pipeline.diffusion.sessions import Decode, denoiser, vae_decoder, vae_encoder, vae_encoder_vjp
-from pipeline.divergence import explained
-from pipeline.errors import InputError
-from pipeline.job import Job
-from pipeline.scene import checkpoint
-from pipeline.scene.baking import decibels, decoded_views
-from pipeline.scene.batch import Batch, Guidance
-from pipeline.scene.cameras import Camera
-from pipeline.scene.linear_rgb import LinearRgb
-from pipeline.scene.refining import (
+from pipeline.diffusion.rgb_gradients import LATENT_TO_RGB, Target, enlarge, picture_gradient
+from pipeline.diffusion.sessions import Decode, vae_decoder
+from pipeline.mesh.baking import decibels
+from pipeline.mesh.silhouettes import opacity_masks
+from pipeline.nerf.checkpoint import decode_state, encode_state
+from pipeline.nerf.linear_rgb import LinearRgb
+from pipeline.nerf.refining import (
     initial_rgb_state,
     plain_compose,
     refinement_options,
     render_rgb,
     rgb_compose,
 )
-from pipeline.scene.rendering import render_views
-from pipeline.scene.scene import Scene, load_scene, save_scene
-from pipeline.scene.silhouettes import opacity_masks
-from pipeline.scene.sketch import load_sketch
-from pipeline.scene.training import Figures, State, training_step
-from pipeline.stage import Context, execute, say
-from pipeline.stages.train_nerf import PREVIEW, preview_cameras, summary, take_steps
-
-_MOST_PIXELS = 128
+from pipeline.nerf.rendering import render_views
+from pipeline.nerf.scene import Scene, load_scene, save_scene
+from pipeline.nerf.step import NerfMetrics, State, training_step
+from pipeline.nerf.train import finish, metrics_of, preview_cameras
+from pipeline.nerf.views import decoded_views
+from pipeline.report.png import write_png
+from pipeline.run.stage import Context, execute
+from pipeline.sketch.lattice import load_sketch
+from pipeline.training import checkpoints
+from pipeline.training.batch import Batch
+from pipeline.training.loop import PREVIEW, History, resume
+from pipeline.training.nan_report import explained
 
 
 def latent_to_rgb(bundle: Bundle) -> LinearRgb:
     """Return the linear layer at the start: the bundle's map, else the paper's (of Stable Diffusion)."""
     matrix = np.array(LATENT_TO_RGB if bundle.latent_to_rgb is None else bundle.latent_to_rgb)
     return LinearRgb(matrix / 2, (np.array(bundle.latent_to_rgb_bias) + 1) / 2)
-
-
-def view_size(job: Job, bundle: Bundle) -> int:
-    """Return the side of a rendered view [pixels]."""
-    return job.refinement.resolution or min(max(bundle.image_size // 2, 1), _MOST_PIXELS)
 
 
 def decoded_target(scene: Scene, decode: Decode, latent_size: int, size: int) -> Target:
@@ -92,93 +79,67 @@ def likeness(
     return decibels(float(squared.mean())) if squared.size else 0.0
 
 
-@contextmanager
-def rgb_guidance(context: Context, bundle: Bundle, decode: Decode) -> Iterator[Guidance]:
-    """Give score distillation of pictures by the bundle's networks, in the way that is asked for if the
-    bundle can, else in the other, which is said."""
-    options, inputs = context.job.refinement, context.inputs
-    embeddings, schedule = load_embeddings(inputs["embeddings"]), load_schedule(inputs["scheduler"])
-    scale, provider, way = bundle.latent_scale, context.job.provider, options.gradient
-    if way == "encoder" and "vae_encoder_vjp" not in inputs:
-        way = "image"
-        context.metrics["warnings"].append(
-            f"{bundle.name} has no vae_encoder_vjp (the encoder's gradient): pictures are refined towards "
-            "decoded ones instead; export the bundle again to have it"
-        )
-    context.metrics["gradient"] = way
-    with ExitStack() as stack:
-        rows = 2 * options.cameras_per_step
-        denoise = stack.enter_context(
-            denoiser(inputs["unet"], provider=provider, rows_expected=rows, views=bundle.views)
-        )
-        encode = stack.enter_context(vae_encoder(inputs["vae_encoder"], scale, provider))
-
-        def step(latents: Float[np.ndarray, "b 4 h w"], batch: Batch) -> Any:
-            return distil(latents, batch, denoise, schedule, embeddings, options, conditions_of(bundle))
-
-        if way == "image":
-            yield image_guidance(step, encode, decode, bundle.image_size)
-        else:
-            pull_back = stack.enter_context(vae_encoder_vjp(inputs["vae_encoder_vjp"], scale, provider))
-            yield encoder_guidance(step, encode, pull_back, bundle.image_size)
+def rgb_preview(scene: Scene, cameras: list[Camera], size: int) -> Float[np.ndarray, "h w 3"]:
+    """Return views of an RGB scene side by side, over their opacity."""
+    colours, opacity = render_rgb(scene, cameras, size)
+    masks = np.repeat(opacity[:, None], 3, axis=1)
+    rows = [np.concatenate(list(row.transpose(0, 2, 3, 1)), axis=1) for row in (colours, masks)]
+    return np.concatenate(rows)
 
 
 def main(context: Context) -> None:
     job, inputs = context.job, context.inputs
     bundle = open_bundle(inputs["unet"].parent, verify=False)
-    if "vae_encoder" not in inputs:
-        raise InputError(
-            f"MODEL {bundle.name} has no vae_encoder, which RGB refinement needs: export the model with it, "
-            "or leave REFINE out"
-        )
-    options, size = refinement_options(job.train_nerf, job.refinement), view_size(job, bundle)
+    require_encoder(bundle, inputs)
+    refinement = job.refinement
+    options, size = refinement_options(job.train_nerf, refinement), view_size(refinement, bundle)
     latent = load_scene(inputs["scene"])
     sketch = load_sketch(inputs["sketch"]) if "sketch" in inputs else None
-    warnings: list[str] = context.metrics.setdefault("warnings", [])
-    state, history, damaged = checkpoint.load(context.scratch, options)
-    if state is not None:
-        say(f"refine: continues after step {state.step}")
-    else:
-        state = initial_rgb_state(latent, latent_to_rgb(bundle), options, job.seed)
-        say(f"refine: a preview will appear at {context.scratch / PREVIEW}")
-    warnings += [f"{name} was damaged: trained again from step {state.step}" for name in damaged]
-    resumed_at = state.step
     cameras = preview_cameras(options)
-    compose = rgb_compose(job.refinement, state.rng)
 
-    def show(scene: Scene) -> None:
-        colours, opacity = render_rgb(scene, cameras, size)
-        rows = [
-            np.concatenate(list(row), axis=1) for row in (colours.transpose(0, 2, 3, 1), opacity[..., None])
-        ]
-        picture = np.concatenate([rows[0], np.repeat(rows[1], 3, axis=2)]).clip(0, 1)
-        partial = context.scratch / f".{PREVIEW}"
-        Image.fromarray(np.round(picture * 255).astype(np.uint8)).save(partial, format="PNG")
-        files.publish([(partial, context.scratch / PREVIEW)])
+    def initial() -> State:
+        return initial_rgb_state(latent, latent_to_rgb(bundle), options, job.seed)
 
-    def keep(state: State, history: list[dict[str, Any]]) -> None:
-        checkpoint.save(context.scratch, state, history)
+    state, history, resumed_at, warnings = resume(
+        "refine", context.scratch, lambda values: decode_state(values, options), initial
+    )
+    gradient, more = possible_gradient(refinement, bundle, inputs)
+    compose = rgb_compose(refinement, state.rng)
+
+    def keep(state: State, history: History) -> None:
+        checkpoints.write(context.scratch, state.step, encode_state(state, history))
+
+    def show(state: State) -> None:
+        write_png(context.scratch / PREVIEW, rgb_preview(state.scene, cameras, size))
 
     with (
         vae_decoder(inputs["vae_decoder"], bundle.latent_scale, job.provider) as decode,
-        rgb_guidance(context, bundle, decode) as guidance,
+        picture_distillation(refinement, gradient, bundle, inputs, decode, job.provider) as distillation,
         explained("refine", "refinement", lambda: state.step, context.scratch),
     ):
-        fit = picture_guidance(decoded_target(latent, decode, bundle.latent_size, size))
+        fit = picture_gradient(decoded_target(latent, decode, bundle.latent_size, size))
 
-        def step(state: State) -> Figures:
-            fitting = state.step < job.refinement.fit_steps
-            way, seen_as = (fit, plain_compose) if fitting else (guidance, compose)
-            return training_step(state, options, size, way, sketch, seen_as, bundle.latent_size)
+        def step(state: State) -> NerfMetrics:
+            fitting = state.step < refinement.fit_steps
+            way, seen_as = (fit, plain_compose) if fitting else (distillation, compose)
+            return training_step(
+                state, options, size, way, sketch=sketch, compose=seen_as, noise_size=bundle.latent_size
+            )
 
-        start = initial_rgb_state(latent, latent_to_rgb(bundle), options, job.seed).scene
-        psnr = {"start_psnr": likeness(start, latent, cameras, bundle, decode, size)}
-        take_steps("refine", state, history, options, step, keep, show)
+        psnr = {"start_psnr": likeness(initial().scene, latent, cameras, bundle, decode, size)}
+        finish("refine", state, history, options, step, keep, show)
         psnr["end_psnr"] = likeness(state.scene, latent, cameras, bundle, decode, size)
 
     save_scene(context.outputs["scene"], state.scene)
     context.outputs["history"].write_text(json.dumps(history, allow_nan=False) + "\n", encoding="utf-8")
-    context.metrics.update(resumed_at=resumed_at, resolution=size, **psnr, **summary(state, history))
+    context.metrics.update(
+        warnings=[*warnings, *more],
+        gradient=gradient,
+        resumed_at=resumed_at,
+        resolution=size,
+        **psnr,
+        **metrics_of(state, history),
+    )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """Stage `refine_paint`: RGB refinement of a painted mesh. The baked colours are trained on, in RGB.
 
 What is trained is the change of the colours, at most as fine as the views show it; the baked texture keeps
-its own detail beneath. The geometry is given, so there is nothing to fit first.
+its own detail beneath. The geometry is given, so there is nothing to fit first. Reads the mesh, its baked
+colours, the embeddings and the networks; writes refined colours and the history of its steps.
 
 Letters: s texels along a side of the baked texture, n colours that some view reads.
 """
@@ -10,7 +11,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import fields, replace
-from typing import Any
 
 import cv2
 import numpy as np
@@ -19,21 +19,28 @@ from jaxtyping import Float
 from PIL import Image
 from torch import nn
 
-from pipeline import checkpoint_files
 from pipeline.diffusion.bundle import open_bundle
+from pipeline.diffusion.refinement import (
+    picture_distillation,
+    possible_gradient,
+    require_encoder,
+    view_size,
+)
 from pipeline.diffusion.sessions import vae_decoder
-from pipeline.divergence import explained
-from pipeline.errors import InputError
-from pipeline.nerf_options import Refinement
-from pipeline.paint_options import TrainPaint
-from pipeline.scene.background import FlatBackground
-from pipeline.scene.flat_colours import flat_colours
-from pipeline.scene.paint_mesh import load_paint_mesh
-from pipeline.scene.painted import extend
-from pipeline.scene.painting import PaintState, make_pool, paint_optimizer
-from pipeline.stage import Context, execute, say
-from pipeline.stages.refine import rgb_guidance, view_size
-from pipeline.stages.train_paint import History, decode_state, encode_state, train
+from pipeline.options.nerf import Refinement
+from pipeline.options.paint import TrainPaint
+from pipeline.paint.checkpoint import decode_state, encode_state
+from pipeline.paint.given_mesh import load_paint_mesh
+from pipeline.paint.step import PaintState, make_pool, paint_optimizer
+from pipeline.paint.surface_latents import extend
+from pipeline.paint.train import train
+from pipeline.report.png import write_png
+from pipeline.run.stage import Context, execute
+from pipeline.training import checkpoints
+from pipeline.training.background import FlatBackground
+from pipeline.training.flat_colours import flat_colours
+from pipeline.training.loop import PREVIEW, History, resume, seconds_of
+from pipeline.training.nan_report import explained
 
 _FINEST = 512
 """Texels along a side of what is trained: views of 128 pixels show no more."""
@@ -72,45 +79,52 @@ def with_change(
 def main(context: Context) -> None:
     job, inputs = context.job, context.inputs
     bundle = open_bundle(inputs["unet"].parent, verify=False)
-    if "vae_encoder" not in inputs:
-        raise InputError(
-            f"MODEL {bundle.name} has no vae_encoder, which RGB refinement needs: export the model with it, "
-            "or leave REFINE out"
-        )
-    options = refinement_options(job.train_paint, job.refinement)
+    require_encoder(bundle, inputs)
+    refinement = job.refinement
+    options = refinement_options(job.train_paint, refinement)
     mesh = load_paint_mesh(inputs["mesh"]).scaled(options.mesh_radius)
     with Image.open(inputs["albedo"], formats=["PNG"]) as opened:
         albedo = np.asarray(opened.convert("RGB"), np.float32) / 255
-    by_face = job.param == "face"
-    side = None if by_face else min(len(albedo), _FINEST)
+    side = None if job.param == "face" else min(len(albedo), _FINEST)
     start = albedo[0] if side is None else start_colours(albedo, side)
-    pool = make_pool(mesh, options, side, view_size(job, bundle), job.seed)
+    pool = make_pool(mesh, options, side, view_size(refinement, bundle), job.seed)
 
     def initial(seed: int) -> PaintState:
         colours, background = nn.Parameter(torch.from_numpy(start[pool.seen])), FlatBackground(flat_colours())
         rng = np.random.default_rng([seed, 3])
         return PaintState(colours, background, paint_optimizer(colours, background, options), rng)
 
-    warnings: list[str] = context.metrics.setdefault("warnings", [])
-    found, damaged = checkpoint_files.read_newest(
-        context.scratch, lambda values: decode_state(values, options, initial(0))
+    state, history, resumed_at, warnings = resume(
+        "refine_paint",
+        context.scratch,
+        lambda values: decode_state(values, options, initial(0)),
+        lambda: initial(job.seed),
     )
-    state, history = found or (initial(job.seed), [])
-    if found:
-        say(f"refine_paint: continues after step {state.step}")
-    warnings += [f"{name} was damaged: trained again from step {state.step}" for name in damaged]
-    resumed_at = state.step
+    gradient, more = possible_gradient(refinement, bundle, inputs)
 
     def keep(state: PaintState, history: History) -> None:
-        checkpoint_files.write(context.scratch, state.step, encode_state(state, history))
+        checkpoints.write(context.scratch, state.step, encode_state(state, history))
+
+    def show(state: PaintState) -> None:
+        colours, grey = state.colours.detach().numpy(), np.full(3, 0.5, np.float32)
+        views = [view.render(colours, grey).transpose(1, 2, 0) for view in pool.views[0]]
+        write_png(context.scratch / PREVIEW, np.concatenate(views, axis=1))
 
     with (
         vae_decoder(inputs["vae_decoder"], bundle.latent_scale, job.provider) as decode,
-        rgb_guidance(context, bundle, decode) as guidance,
+        picture_distillation(refinement, gradient, bundle, inputs, decode, job.provider) as distillation,
         explained("refine_paint", "refinement", lambda: state.step, context.scratch),
     ):
         train(
-            state, history, options, pool, guidance, keep, name="refine_paint", noise_size=bundle.latent_size
+            state,
+            history,
+            options,
+            pool,
+            distillation,
+            keep=keep,
+            show=show,
+            stage="refine_paint",
+            noise_size=bundle.latent_size,
         )
 
     change = state.colours.detach().numpy() - start[pool.seen]
@@ -119,19 +133,17 @@ def main(context: Context) -> None:
         refined[0, pool.seen] = np.clip(refined[0, pool.seen] + change, 0, 1)
     else:
         refined = with_change(albedo, change, pool.seen, side)
-    picture = Image.fromarray(np.round(refined * 255).astype(np.uint8))
-    picture.save(context.outputs["albedo"], format="PNG")
+    write_png(context.outputs["albedo"], refined)
     context.outputs["history"].write_text(json.dumps(history, allow_nan=False) + "\n", encoding="utf-8")
-    figures: dict[str, Any] = {
-        part: round(sum(row["seconds"][part] for row in history), 3) for part in history[0]["seconds"]
-    }
     context.metrics.update(
+        warnings=[*warnings, *more],
+        gradient=gradient,
         steps=state.step,
         resumed_at=resumed_at,
         resolution=pool.resolution,
         change=float(np.sqrt(np.square(change).mean())),
         gradient_norm=history[-1]["gradient_norm"],
-        seconds=figures,
+        seconds=seconds_of(history),
     )
 
 

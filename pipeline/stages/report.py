@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.files import file_sha256
-from pipeline.job import stage_options, to_yaml
+from pipeline.options.job import stage_options, to_yaml
 from pipeline.report.page import Page, render
-from pipeline.stage import Context, execute
+from pipeline.run.stage import Context, execute
 
 FILES = {
     "asset.glb": "the asset: mesh and texture in one file (glTF 2.0)",

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.scene import drawing
-from pipeline.scene.mesh import Mesh, write_ply
-from pipeline.scene.mesh_input import FORMATS, read_mesh
-from pipeline.scene.sketch import save_sketch, solid_cells
-from pipeline.scene.winding import orient_outwards, place, tabulate
-from pipeline.stage import Context, execute
+from pipeline.mesh.mesh import Mesh, write_ply
+from pipeline.mesh.readers import FORMATS, read_mesh
+from pipeline.run.stage import Context, execute
+from pipeline.sketch import drawing
+from pipeline.sketch.lattice import save_sketch, solid_cells
+from pipeline.sketch.winding import orient_outwards, place, tabulate
 
 _THIN = 2e-3
 """A solid that fills a smaller share of the box is probably a sheet, or far smaller than a stray vertex."""

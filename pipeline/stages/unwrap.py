@@ -1,8 +1,8 @@
 """Stage `unwrap`: texture coordinates."""
 
-from pipeline.scene.mesh import read_ply, write_obj
-from pipeline.scene.unwrapping import unwrap_mesh
-from pipeline.stage import Context, execute
+from pipeline.mesh.mesh import read_ply, write_obj
+from pipeline.mesh.unwrap import unwrap_mesh
+from pipeline.run.stage import Context, execute
 
 
 def main(context: Context) -> None:

@@ -34,8 +34,8 @@ from benchmarks.blind.sheets import (
 from export.everyday_objects.data.colours import COLOURS
 from export.everyday_objects.data.kinds import BY_WORD, KINDS
 from export.everyday_objects.data.materials import MATERIALS
-from pipeline.scene.mesh import Mesh, write_obj
-from pipeline.scene.paint_mesh import PaintMesh, save_paint_mesh
+from pipeline.mesh.mesh import Mesh, write_obj
+from pipeline.paint.given_mesh import PaintMesh, save_paint_mesh
 
 SOFA = Entry("a red striped sofa", "sofa", "red", "striped", "", 0, "0123456789", "")
 CAR = Entry("a car", "car", "", "", "", 1, "abcdef0123", "")

@@ -11,9 +11,9 @@ from benchmarks._plots import write_fronts
 from benchmarks._timing import Pace, compared, in_turn
 from benchmarks._trials import job_of
 from benchmarks._truths import analytic_scenes
-from pipeline.nerf_options import TrainNerf
-from pipeline.scene.rendering import march, render_rays
-from pipeline.scene.scene import Scene
+from pipeline.nerf.rendering import march, render_rays
+from pipeline.nerf.scene import Scene
+from pipeline.options.nerf import TrainNerf
 
 
 @pytest.fixture

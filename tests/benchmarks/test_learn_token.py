@@ -8,7 +8,7 @@ from benchmarks.learn_token import OBJECTS, shown, unseen
 from export.everyday_objects.data.colours import COLOURS
 from export.everyday_objects.data.kinds import BY_WORD
 from export.everyday_objects.data.pictures import variant
-from pipeline.scene.cameras import orbit_camera
+from pipeline.cameras import orbit_camera
 
 
 @pytest.mark.parametrize("noun", OBJECTS)

@@ -10,11 +10,11 @@ from benchmarks import oracle
 from benchmarks._plots import write_fronts
 from benchmarks._trials import Trial, fill, job_of, kept
 from benchmarks._truths import Surface, Truth, analytic_scenes, surface_error, to_latents, visible_surface
-from pipeline.asset_options import Extract
-from pipeline.job import Job
-from pipeline.paint_options import Prepare
-from pipeline.scene.cameras import orbit_camera
-from pipeline.scene.mesh import Mesh
+from pipeline.cameras import orbit_camera
+from pipeline.mesh.mesh import Mesh
+from pipeline.options.asset import Extract
+from pipeline.options.job import Job
+from pipeline.options.paint import Prepare
 
 # The bundle's weights of opacity and emptiness are for 32 x 32 pixels: on fewer, the guidance's sum over
 # them is no match.

@@ -10,10 +10,10 @@ import pytest
 from benchmarks import paper
 from benchmarks._results import Result, make_result, nothing
 from benchmarks.paper import CASES, MESH, MOST_BYTES, NOT_LOOKED_AT, SKETCH, TEXT, Case, command
-from pipeline import engine
-from pipeline import job as jobs
 from pipeline.errors import InputError
-from pipeline.scene.mesh_input import read_mesh
+from pipeline.mesh.readers import read_mesh
+from pipeline.options import job as jobs
+from pipeline.run import engine
 from tests.fake_project import ROOT
 
 FEW = (Case(TEXT, "a giraffe"), Case(TEXT, "a giraffe", refine=True), Case(MESH, "a goldfish", "fish"))

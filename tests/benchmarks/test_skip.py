@@ -10,9 +10,9 @@ from benchmarks._savings import Row, table
 from benchmarks._stopping import Pair
 from benchmarks._trials import held_out, job_of
 from benchmarks._truths import Truth, analytic_scenes
-from pipeline.asset_options import Extract
-from pipeline.job import Job
-from pipeline.paint_options import Prepare
+from pipeline.options.asset import Extract
+from pipeline.options.job import Job
+from pipeline.options.paint import Prepare
 
 SMALL = {
     "samples_per_ray": 24, "grid_levels": 6, "grid_finest": 32, "grid_table_log2": 11, "steps": 24,

@@ -10,8 +10,8 @@ from benchmarks import _stopping
 from benchmarks._stopping import Pair, Stopping, compared, early_ends, long_runs, pairs, worst
 from benchmarks._trials import job_of
 from benchmarks._truths import Truth, analytic_scenes
-from pipeline.asset_options import Extract
-from pipeline.scene.convergence import first_decision
+from pipeline.nerf.convergence import first_decision
+from pipeline.options.asset import Extract
 
 
 @pytest.fixture(scope="module")

@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pipeline.cameras import sample_cameras
 from pipeline.diffusion.bundle import CAMERA_COLUMNS
 from pipeline.diffusion.conditions import Conditions, camera_rows, together
 from pipeline.diffusion.distillation import SdsStep
-from pipeline.diffusion.guidance import Embeddings, distil
 from pipeline.diffusion.schedule import Schedule
-from pipeline.distillation_options import Distillation
-from pipeline.scene.batch import Batch, make_batch
-from pipeline.scene.cameras import sample_cameras
+from pipeline.diffusion.view_gradient import Embeddings, distil
+from pipeline.options.distillation import Distillation
+from pipeline.training.batch import Batch, make_batch
 from tests.tiny_bundle import alphas_cumprod
 
 COLUMNS = (*CAMERA_COLUMNS, "backdrop", "backdrop", "backdrop")

@@ -25,9 +25,9 @@ from export.everyday_objects.data.shapes import (
     turned,
 )
 from export.everyday_objects.networks.autoencoder import Encoder
+from pipeline.cameras import orbit_camera
 from pipeline.diffusion.tokenizer import unknown_words
-from pipeline.scene.cameras import orbit_camera
-from pipeline.scene.rasterize import rasterize
+from pipeline.mesh.rasterize import rasterize
 
 CAMERA = orbit_camera(0.5, 1.2, 2.5, 0.69)
 GREY = np.full(3, 0.5, np.float32)

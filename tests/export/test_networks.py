@@ -12,8 +12,8 @@ from export.everyday_objects.networks.text_encoder import MAX_TOKENS, WIDTH, Tex
 from export.everyday_objects.train.export_bundle import fit_latent_to_rgb
 from export.everyday_objects.train.restore import constants, randomise, transfer
 from export.graph import export_graph
+from pipeline.cameras import camera_rays, orbit_camera
 from pipeline.diffusion.bundle import CAMERA_COLUMNS
-from pipeline.scene.cameras import camera_rays, orbit_camera
 
 SMALL = {"channels": (16, 24, 32), "heads": (0, 2, 2), "embedding": 32}
 

@@ -4,6 +4,8 @@ import av
 import numpy as np
 import pytest
 
+from pipeline.mesh.mesh import Mesh
+from pipeline.mesh.unwrap import unwrap_mesh
 from pipeline.report.preview import (
     BACKDROP,
     GAP,
@@ -15,8 +17,6 @@ from pipeline.report.preview import (
     turn,
 )
 from pipeline.report.turntable import write_turntable
-from pipeline.scene.mesh import Mesh
-from pipeline.scene.unwrapping import unwrap_mesh
 from tests import shapes
 
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from pipeline.scene.baking import bake_cameras, bake_texture, decibels, extend_foreground
-from pipeline.scene.cameras import Camera, project, ring
-from pipeline.scene.mesh import Mesh, bounding_radius
-from pipeline.scene.rasterize import interpolate, rasterize
-from pipeline.scene.texture import render_texture, surface_texels
-from pipeline.scene.unwrapping import unwrap_mesh
-from pipeline.stages.bake import view_resolution
+from pipeline.cameras import Camera, project, ring
+from pipeline.diffusion.decoding import view_resolution
+from pipeline.mesh.baking import bake_cameras, bake_texture, decibels, extend_foreground
+from pipeline.mesh.mesh import Mesh, bounding_radius
+from pipeline.mesh.rasterize import interpolate, rasterize
+from pipeline.mesh.texture import render_texture, surface_texels
+from pipeline.mesh.unwrap import unwrap_mesh
 from tests import shapes
 
 

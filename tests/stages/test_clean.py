@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.scene.mesh import Mesh
-from pipeline.scene.silhouettes import comparison_cameras, mean_iou, silhouettes
-from pipeline.scene.topology import face_components, signed_volumes, topology
+from pipeline.mesh.mesh import Mesh
+from pipeline.mesh.silhouettes import comparison_cameras, mean_iou, silhouettes
+from pipeline.mesh.topology import face_components, signed_volumes, topology
 from pipeline.stages.clean import clean_mesh, remove_cavities, remove_floaters
 from tests import shapes
 

@@ -14,10 +14,10 @@ from pipeline.diffusion.onnx_file import read_onnx
 from pipeline.diffusion.sessions import text_encoder, vae_decoder
 from pipeline.diffusion.tokenizer import load_tokenizer
 from pipeline.errors import InputError
-from pipeline.job import Job
-from pipeline.scene.flat_colours import flat_colours
-from pipeline.stage import Context
+from pipeline.options.job import Job
+from pipeline.run.stage import Context
 from pipeline.stages.embed import embed_texts, flat_latents, main, prepare_texts
+from pipeline.training.flat_colours import flat_colours
 from tests.tiny_bundle import SCALE, WIDTH, WINDOW, save_graph, write_tiny_bundle
 
 

@@ -3,10 +3,10 @@ import pytest
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
-from pipeline.scene.mesh import face_areas
-from pipeline.scene.silhouettes import comparison_cameras, mean_iou, silhouettes
-from pipeline.scene.topology import face_components, signed_volumes, topology
-from pipeline.scene.winding import distances
+from pipeline.mesh.mesh import face_areas
+from pipeline.mesh.silhouettes import comparison_cameras, mean_iou, silhouettes
+from pipeline.mesh.topology import face_components, signed_volumes, topology
+from pipeline.sketch.winding import distances
 from pipeline.stages.extract import choose_surface, sample_logarithm, surface
 from tests import shapes
 

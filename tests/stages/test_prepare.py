@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.job import Job
-from pipeline.paint_options import Prepare
-from pipeline.scene.coordinates import uv_fault
-from pipeline.scene.mesh import Mesh, face_areas
-from pipeline.scene.paint_mesh import PaintMesh, load_paint_mesh
-from pipeline.stage import Context
+from pipeline.mesh.coordinates import uv_fault
+from pipeline.mesh.mesh import Mesh, face_areas
+from pipeline.options.job import Job
+from pipeline.options.paint import Prepare
+from pipeline.paint.given_mesh import PaintMesh, load_paint_mesh
+from pipeline.run.stage import Context
 from pipeline.stages import prepare
 
 SQUARE = """

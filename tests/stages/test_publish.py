@@ -7,13 +7,12 @@ import pytest
 import trimesh
 from PIL import Image
 
-from pipeline.job import Job
-from pipeline.scene.mesh import read_obj, write_obj
-from pipeline.scene.topology import topology
-from pipeline.scene.unwrapping import unwrap_mesh
-from pipeline.stage import Context
+from pipeline.mesh.mesh import material_text, read_obj, write_obj
+from pipeline.mesh.topology import topology
+from pipeline.mesh.unwrap import unwrap_mesh
+from pipeline.options.job import Job
+from pipeline.run.stage import Context
 from pipeline.stages import publish
-from pipeline.stages.publish import material_text
 from tests import shapes
 
 NAMES = {

@@ -9,15 +9,16 @@ import pytest
 from pipeline.diffusion.bundle import open_bundle
 from pipeline.diffusion.sessions import vae_decoder
 from pipeline.errors import InputError
-from pipeline.job import Job
-from pipeline.nerf_options import Refinement, TrainNerf
-from pipeline.scene import training
-from pipeline.scene.refining import render_rgb
-from pipeline.scene.scene import load_scene
-from pipeline.stage import Context
+from pipeline.nerf import step
+from pipeline.nerf.refining import render_rgb
+from pipeline.nerf.scene import load_scene
+from pipeline.nerf.train import preview_cameras
+from pipeline.options.job import Job
+from pipeline.options.nerf import Refinement, TrainNerf
+from pipeline.run.stage import Context
 from pipeline.stages import refine, train_nerf
 from pipeline.stages.refine import latent_to_rgb, likeness
-from pipeline.stages.train_nerf import preview_cameras
+from pipeline.training.loop import PREVIEW
 from tests.stages.test_train_nerf import OPTIONS, make_context
 from tests.tiny_bundle import LATENT_TO_RGB, RGB_BIAS, SCALE, write_tiny_bundle
 
@@ -67,7 +68,7 @@ def test_it_starts_as_the_decoded_scene_and_ends_as_an_rgb_scene(finished: Conte
     assert scene.rgb is not None
     history = json.loads(finished.outputs["history"].read_text())
     assert [row["step"] for row in history] == list(range(1, 19))
-    assert (finished.scratch / train_nerf.PREVIEW).is_file()
+    assert (finished.scratch / PREVIEW).is_file()
 
 
 def test_fitting_brings_a_field_with_wrong_colours_to_the_decoded_ones(
@@ -89,12 +90,12 @@ def test_fitting_brings_a_field_with_wrong_colours_to_the_decoded_ones(
 def test_killed_and_resumed_gives_the_same_bytes(
     finished: Context, bundle: Path, trained: Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real = training.training_step
+    real = step.training_step
 
-    def killed(state, *arguments):
+    def killed(state, *arguments, **named):
         if state.step == 12:
             raise KeyboardInterrupt
-        return real(state, *arguments)
+        return real(state, *arguments, **named)
 
     monkeypatch.setattr(refine, "training_step", killed)
     with pytest.raises(KeyboardInterrupt):

@@ -8,10 +8,10 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.files import file_sha256
-from pipeline.job import Job, to_yaml
-from pipeline.stage import Context
+from pipeline.options.job import Job, to_yaml
+from pipeline.run.stage import Context
+from pipeline.run.verify import verify
 from pipeline.stages.report import main
-from pipeline.verify import verify
 
 JOB = Job(prompt="a red ball", seed=3)
 OUTPUTS = {

@@ -8,11 +8,11 @@ import trimesh
 from PIL import Image, ImageDraw
 
 from pipeline.errors import InputError
-from pipeline.job import Job
-from pipeline.nerf_options import SketchField
-from pipeline.scene.mesh import read_ply
-from pipeline.scene.sketch import load_sketch, look_up
-from pipeline.stage import Context
+from pipeline.mesh.mesh import read_ply
+from pipeline.options.job import Job
+from pipeline.options.nerf import SketchField
+from pipeline.run.stage import Context
+from pipeline.sketch.lattice import load_sketch, look_up
 from pipeline.stages import sketch
 
 SKETCHES = Path(__file__).resolve().parents[2] / "examples" / "sketches"

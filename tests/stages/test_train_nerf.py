@@ -9,21 +9,23 @@ import trimesh
 from PIL import Image
 
 from pipeline import arrays
+from pipeline.cameras import sphere
 from pipeline.diffusion.bundle import open_bundle
-from pipeline.diffusion.guidance import load_embeddings
+from pipeline.diffusion.view_gradient import load_embeddings
 from pipeline.errors import InputError
-from pipeline.job import Job
-from pipeline.nerf_options import TrainNerf
+from pipeline.nerf import step
+from pipeline.nerf import train as nerf_train
+from pipeline.nerf.rendering import Views, render_views
+from pipeline.nerf.scene import density, load_scene
+from pipeline.options.job import Job
+from pipeline.options.nerf import TrainNerf
 from pipeline.report.latents import latent_preview
-from pipeline.scene import training
-from pipeline.scene.cameras import sphere
-from pipeline.scene.rendering import Views, render_views
-from pipeline.scene.scene import density, load_scene
-from pipeline.scene.sketch import Sketch, look_up, save_sketch, volume_iou
-from pipeline.scene.winding import tabulate
-from pipeline.stage import Context
+from pipeline.run.stage import Context
+from pipeline.sketch.lattice import Sketch, look_up, save_sketch, volume_iou
+from pipeline.sketch.winding import tabulate
 from pipeline.stages import train_nerf
-from tests.scene.test_training import SMALL
+from pipeline.training.loop import PREVIEW
+from tests.nerf.test_step import SMALL
 from tests.tiny_bundle import DISC, write_tiny_bundle
 
 STEPS = 30
@@ -97,7 +99,7 @@ def test_writes_a_scene_its_history_and_figures(finished: Context) -> None:
         assert finished.metrics["seconds"][part] > 0
     assert finished.metrics["resolution"] == 12
     assert finished.metrics["warnings"] == []
-    with Image.open(finished.scratch / train_nerf.PREVIEW, formats=["PNG"]) as image:
+    with Image.open(finished.scratch / PREVIEW, formats=["PNG"]) as image:
         assert image.size == (4 * 12 * 4, 2 * 12 * 4)
         assert np.asarray(image).std() > 5
 
@@ -109,7 +111,7 @@ def test_the_middle_takes_the_denoisers_colour(finished: Context) -> None:
     trained = load_scene(finished.outputs["scene"])
     embeddings = load_embeddings(finished.inputs["embeddings"])
     assert embeddings.backgrounds is not None
-    untrained = training.initial_state(finished.job.train_nerf, embeddings.backgrounds, 3).scene
+    untrained = step.initial_state(finished.job.train_nerf, embeddings.backgrounds, 3).scene
     errors = []
     for scene in (trained, untrained):
         views = render_views(scene, sphere(6, 1.25, 1.0), 12, np.zeros(4, np.float32))
@@ -121,14 +123,14 @@ def test_killed_and_resumed_gives_the_same_bytes(
     finished: Context, bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     context = make_context(tmp_path / "killed", bundle)
-    real = training.training_step
+    real = step.training_step
 
-    def killed(state, *arguments):
+    def killed(state, *arguments, **named):
         if state.step == 23:
             raise KeyboardInterrupt
-        return real(state, *arguments)
+        return real(state, *arguments, **named)
 
-    monkeypatch.setattr(train_nerf, "training_step", killed)
+    monkeypatch.setattr(nerf_train, "training_step", killed)
     with pytest.raises(KeyboardInterrupt):
         train_nerf.main(context)
     monkeypatch.undo()
@@ -195,7 +197,7 @@ def agreement(context: Context, sketch: Sketch) -> float:
 def test_a_sketch_shapes_the_scene_as_strictly_as_asked(bundle: Path, bar: Sketch, tmp_path: Path) -> None:
     """The regression test of Sketch-Shape: figures of the day it was written, with room."""
     strict, free = (
-        sketched(tmp_path / f"{sigma}", bundle, bar, shape_sigma=sigma, steps=40) for sigma in (0.05, 1.5)
+        sketched(tmp_path / f"{sigma}", bundle, bar, sigma_s=sigma, steps=40) for sigma in (0.05, 1.5)
     )
     found = agreement(strict, bar), agreement(free, bar)
     assert found[0] > 0.8
@@ -209,14 +211,14 @@ def test_a_sketched_scene_is_the_same_when_killed_and_resumed(
     bundle: Path, bar: Sketch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = sketched(tmp_path / "whole", bundle, bar, steps=12, checkpoint_every=5, shape_start=5)
-    real = training.training_step
+    real = step.training_step
 
-    def killed(state, *arguments):
+    def killed(state, *arguments, **named):
         if state.step == 8:
             raise KeyboardInterrupt
-        return real(state, *arguments)
+        return real(state, *arguments, **named)
 
-    monkeypatch.setattr(train_nerf, "training_step", killed)
+    monkeypatch.setattr(nerf_train, "training_step", killed)
     with pytest.raises(KeyboardInterrupt):
         sketched(tmp_path / "killed", bundle, bar, steps=12, checkpoint_every=5, shape_start=5)
     monkeypatch.undo()

@@ -4,9 +4,9 @@ from scipy.ndimage import label
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
-from pipeline.scene.mesh import Mesh
-from pipeline.scene.texture import surface_texels
-from pipeline.scene.unwrapping import unwrap_mesh, uv_figures
+from pipeline.mesh.mesh import Mesh
+from pipeline.mesh.texture import surface_texels
+from pipeline.mesh.unwrap import unwrap_mesh, uv_figures
 from tests import shapes
 
 

@@ -12,20 +12,23 @@ import pytest
 import torch
 from onnx import numpy_helper
 
-from pipeline import checkpoint_files
-from pipeline import job as jobs
 from pipeline.diffusion.bundle import open_bundle
-from pipeline.diffusion.guidance import flat_backgrounds, load_embeddings
+from pipeline.diffusion.view_gradient import flat_backgrounds, load_embeddings
 from pipeline.errors import InputError
-from pipeline.job import Job
-from pipeline.paint_options import TrainPaint
-from pipeline.scene import checkpoint
-from pipeline.scene.paint_mesh import PaintMesh, load_paint_mesh, save_paint_mesh
-from pipeline.scene.painting import initial_paint, make_pool
-from pipeline.scene.training import training_step
-from pipeline.scene.unwrapping import unwrap_mesh
-from pipeline.stage import Context, execute
+from pipeline.mesh.unwrap import unwrap_mesh
+from pipeline.nerf import checkpoint as nerf_checkpoint
+from pipeline.nerf import train as nerf_train
+from pipeline.nerf.step import training_step
+from pipeline.options import job as jobs
+from pipeline.options.job import Job
+from pipeline.options.paint import TrainPaint
+from pipeline.paint import checkpoint as paint_checkpoint
+from pipeline.paint import train as paint_train
+from pipeline.paint.given_mesh import PaintMesh, load_paint_mesh, save_paint_mesh
+from pipeline.paint.step import initial_paint, make_pool
+from pipeline.run.stage import Context, execute
 from pipeline.stages import train_nerf, train_paint
+from pipeline.training import checkpoints
 from tests import shapes
 from tests.stages.test_train_nerf import make_context, write_embeddings
 from tests.tiny_bundle import write_tiny_bundle
@@ -73,7 +76,7 @@ Fault = Callable[[np.ndarray], np.ndarray]
 
 def spoil(monkeypatch: pytest.MonkeyPatch, stage: Any, fault: Fault) -> None:
     """Let the denoiser's answer at step FATAL go through `fault`, as if the network had given it."""
-    real = stage.diffusion_guidance
+    real = stage.distillation_gradient
 
     def guidance_of(denoise: Any, *arguments: Any) -> Any:
         calls = 0
@@ -86,7 +89,7 @@ def spoil(monkeypatch: pytest.MonkeyPatch, stage: Any, fault: Fault) -> None:
 
         return real(spoiled, *arguments)
 
-    monkeypatch.setattr(stage, "diffusion_guidance", guidance_of)
+    monkeypatch.setattr(stage, "distillation_gradient", guidance_of)
 
 
 def with_nan(values: np.ndarray) -> np.ndarray:
@@ -97,21 +100,21 @@ def with_nan(values: np.ndarray) -> np.ndarray:
 
 def resumable(stage: str, context: Context) -> int:
     """Return the step that the newest checkpoint goes on from, having checked that all of it is finite."""
-    values, damaged = checkpoint_files.read_newest(context.scratch, dict)
+    values, damaged = checkpoints.read_newest(context.scratch, dict)
     assert values is not None
     assert not damaged
     for name, array in values.items():
         assert array.dtype.kind in "ub" or np.isfinite(array).all(), name
     if stage == "train_nerf":
-        state = checkpoint.load(context.scratch, context.job.train_nerf).state
-        assert state is not None
-        return state.step
+        return nerf_checkpoint.decode_state(values, context.job.train_nerf)[0].step
     options = context.job.train_paint
     backgrounds = flat_backgrounds(load_embeddings(context.inputs["embeddings"]))
     mesh = load_paint_mesh(context.inputs["mesh"]).scaled(options.mesh_radius)
     size = open_bundle(context.inputs["unet"].parent, verify=False).latent_size
     pool = make_pool(mesh, options, options.texture, size, context.job.seed)
-    return train_paint.decode_state(values, options, initial_paint(options, pool, backgrounds, 0))[0].step
+    return paint_checkpoint.decode_state(values, options, initial_paint(options, pool, backgrounds, 0))[
+        0
+    ].step
 
 
 STAGES = {"train_nerf": (train_nerf, nerf), "train_paint": (train_paint, paint)}
@@ -176,19 +179,19 @@ def test_a_nan_latent(
     """A parameter is spoilt behind the training's back (a bad memory chip): the next picture shows it."""
     module, make = STAGES[stage]
     context = make(tmp_path / "run", bundle, ball_file)
-    name = "training_step" if stage == "train_nerf" else "paint_step"
-    real = getattr(module, name)
+    home, name = (nerf_train, "training_step") if stage == "train_nerf" else (paint_train, "paint_step")
+    real = getattr(home, name)
 
-    def spoiled(state: Any, *arguments: Any) -> Any:
+    def spoiled(state: Any, *arguments: Any, **named: Any) -> Any:
         if state.step == FATAL:
             with torch.no_grad():
                 if stage == "train_nerf":
                     state.scene.field.bias3[2] = torch.nan
                 else:
                     state.colours[:, 2] = torch.nan
-        return real(state, *arguments)
+        return real(state, *arguments, **named)
 
-    monkeypatch.setattr(module, name, spoiled)
+    monkeypatch.setattr(home, name, spoiled)
     with pytest.raises(InputError, match=rf"rendered latents holds \d+ NaN .* at step {FATAL}; .*step 8"):
         module.main(context)
     assert resumable(stage, context) == 8
@@ -201,13 +204,13 @@ def test_a_nan_density_is_found_though_it_is_not_rendered(
     context = make_context(tmp_path / "run", bundle, **{**SHORT, "steps": 20, "checkpoint_every": 8})
     real = training_step
 
-    def spoiled(state: Any, *arguments: Any) -> Any:
+    def spoiled(state: Any, *arguments: Any, **named: Any) -> Any:
         if state.step == 16:  # when the grid is refreshed
             with torch.no_grad():
                 state.scene.field.bias3[0] = torch.nan
-        return real(state, *arguments)
+        return real(state, *arguments, **named)
 
-    monkeypatch.setattr(train_nerf, "training_step", spoiled)
+    monkeypatch.setattr(nerf_train, "training_step", spoiled)
     with pytest.raises(InputError, match=r"density holds \d+ NaN .* at step 16; .*after step 16"):
         train_nerf.main(context)
 

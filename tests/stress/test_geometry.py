@@ -6,26 +6,26 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.job import Job
-from pipeline.paint_options import Prepare, TrainPaint
-from pipeline.scene.baking import bake_cameras, bake_texture
-from pipeline.scene.cameras import camera_rays, orbit_camera, ring
-from pipeline.scene.coordinates import unwrap_any
-from pipeline.scene.mesh import Mesh, bounding_radius, face_areas, face_normals, split_seams, vertex_normals
-from pipeline.scene.paint_mesh import load_paint_mesh
-from pipeline.scene.painted import complete
-from pipeline.scene.painting import initial_paint, make_pool, paint_step
-from pipeline.scene.rasterize import rasterize
-from pipeline.scene.texture import paint, render_texture, resolve, surface_texels
-from pipeline.scene.topology import topology
-from pipeline.scene.unwrapping import unwrap_mesh
-from pipeline.scene.view_weights import view_weights
-from pipeline.scene.winding import distances, orient_outwards, place, tabulate, winding_numbers
-from pipeline.stage import Context
+from pipeline.cameras import camera_rays, orbit_camera, ring
+from pipeline.mesh.baking import bake_cameras, bake_texture
+from pipeline.mesh.coordinates import unwrap_any
+from pipeline.mesh.mesh import Mesh, bounding_radius, face_areas, face_normals, split_seams, vertex_normals
+from pipeline.mesh.rasterize import rasterize
+from pipeline.mesh.texture import paint, render_texture, resolve, surface_texels
+from pipeline.mesh.topology import topology
+from pipeline.mesh.unwrap import unwrap_mesh
+from pipeline.options.job import Job
+from pipeline.options.paint import Prepare, TrainPaint
+from pipeline.paint.given_mesh import load_paint_mesh
+from pipeline.paint.step import initial_paint, make_pool, paint_step
+from pipeline.paint.surface_latents import complete
+from pipeline.paint.view_weights import view_weights
+from pipeline.run.stage import Context
+from pipeline.sketch.winding import distances, orient_outwards, place, tabulate, winding_numbers
 from pipeline.stages import prepare
 from pipeline.stages.clean import clean_mesh
 from tests import shapes
-from tests.scene.test_training import BACKGROUNDS
+from tests.nerf.test_step import BACKGROUNDS
 
 
 def slivers(count: int = 200) -> Mesh:

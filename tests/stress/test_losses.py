@@ -5,14 +5,14 @@ import pytest
 import torch
 import trimesh
 
-from pipeline.nerf_options import TrainNerf
-from pipeline.scene import occupancy
-from pipeline.scene.field import FieldShape, LatentField
-from pipeline.scene.shape_loss import LENGTH, nearest_judged, shape_loss
-from pipeline.scene.sketch import Sketch, look_up
-from pipeline.scene.training import binary_entropy, initial_state, unseen_thickness
-from pipeline.scene.winding import tabulate
-from tests.scene.test_training import BACKGROUNDS, SMALL
+from pipeline.nerf import occupancy
+from pipeline.nerf.field import FieldShape, LatentField
+from pipeline.nerf.shape_loss import LENGTH, nearest_judged, shape_loss
+from pipeline.nerf.step import binary_entropy, initial_state, unseen_thickness
+from pipeline.options.nerf import TrainNerf
+from pipeline.sketch.lattice import Sketch, look_up
+from pipeline.sketch.winding import tabulate
+from tests.nerf.test_step import BACKGROUNDS, SMALL
 
 
 @pytest.mark.parametrize("opacity", [0.0, 1e-45, 1e-12, 0.9e-5, 1.1e-5, 0.3, 1 - 1.2e-5, 1 - 6e-8, 1.0])

@@ -9,14 +9,14 @@ from torch import nn
 
 from benchmarks._ideal import linear_schedule
 from pipeline.diffusion.distillation import sds_gradient
-from pipeline.nerf_options import TrainNerf
-from pipeline.paint_options import TrainPaint
-from pipeline.scene.adam import Adam
-from pipeline.scene.background import FlatBackground
-from pipeline.scene.batch import Batch, require_steppable
-from pipeline.scene.painting import paint_optimizer
-from pipeline.scene.training import State, initial_state, training_step
-from tests.scene.test_training import BACKGROUNDS, SMALL, no_guidance
+from pipeline.nerf.step import State, initial_state, training_step
+from pipeline.options.nerf import TrainNerf
+from pipeline.options.paint import TrainPaint
+from pipeline.paint.step import paint_optimizer
+from pipeline.training.adam import Adam
+from pipeline.training.background import FlatBackground
+from pipeline.training.batch import Batch, require_steppable
+from tests.nerf.test_step import BACKGROUNDS, SMALL, no_guidance
 
 QUIET = {"sparsity_weight": 0.0, "emptiness_weight": 0.0}
 STEPS, CHUNK, TEXELS = 100_000, 10_000, 4

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 import torch
 
+from pipeline.cameras import Camera, orbit_camera
 from pipeline.kernels.march import LOG_STOP
-from pipeline.nerf_options import TrainNerf
-from pipeline.scene import occupancy
-from pipeline.scene.cameras import Camera, orbit_camera
-from pipeline.scene.rendering import NEAR, Samples, composite, make_rays, march, render_rays, render_views
-from pipeline.scene.scene import Scene, density
-from pipeline.scene.training import initial_state
-from tests.scene.test_rendering import random_samples
-from tests.scene.test_training import BACKGROUNDS, SMALL
+from pipeline.nerf import occupancy
+from pipeline.nerf.rendering import NEAR, Samples, composite, make_rays, march, render_rays, render_views
+from pipeline.nerf.scene import Scene, density
+from pipeline.nerf.step import initial_state
+from pipeline.options.nerf import TrainNerf
+from tests.nerf.test_rendering import random_samples
+from tests.nerf.test_step import BACKGROUNDS, SMALL
 
 NUMBERS = tuple[np.ndarray, np.ndarray, np.ndarray]
 

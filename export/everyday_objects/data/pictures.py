@@ -27,7 +27,7 @@ from export.everyday_objects.data.materials import MATERIALS
 from export.everyday_objects.data.render import Drawable, drawable, render
 from export.everyday_objects.data.shapes import assemble
 from export.everyday_objects.networks.autoencoder import Encoder
-from pipeline.scene.cameras import Camera, orbit_camera
+from pipeline.cameras import Camera, orbit_camera
 
 IMAGE_SIZE = 128
 OBJECTS = 250

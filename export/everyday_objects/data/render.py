@@ -13,7 +13,7 @@ import numpy as np
 
 from export.everyday_objects.data.materials import paint_at
 from export.everyday_objects.data.shapes import Shape
-from pipeline.scene.cameras import Camera, orbit_camera, project
+from pipeline.cameras import Camera, orbit_camera, project
 
 AMBIENT, DIRECTIONAL, SKY = 0.53, 0.31, 0.235
 """Shares of the light that comes from everywhere, from one side, and from above more than from below."""

@@ -20,7 +20,7 @@ from export.everyday_objects.data.looks import Look, dress
 from export.everyday_objects.data.materials import MATERIALS
 from export.everyday_objects.data.render import drawable, render
 from export.everyday_objects.data.shapes import assemble
-from pipeline.scene.cameras import orbit_camera
+from pipeline.cameras import orbit_camera
 
 _VIEWS = ((35, 72), (-70, 80), (180, 72), (20, 42), (0, 85))
 

@@ -206,7 +206,7 @@ def camera_features(camera: Tensor) -> Tensor:
 def ray_map(camera: Tensor, height: int, width: int) -> Tensor:
     """Return the Plücker coordinates (b, 6, height, width) of rays through a picture's cells: unit direction
     and origin x direction, world axes; zeros where no camera is told. Cameras as in
-    `pipeline.scene.cameras.orbit_camera`.
+    `pipeline.cameras.orbit_camera`.
     """
     azimuth, polar, distance, fov = (camera[:, i, None, None] for i in range(1, 5))
     sin_a, cos_a, sin_p, cos_p = azimuth.sin(), azimuth.cos(), polar.sin(), polar.cos()

@@ -30,7 +30,7 @@ from pipeline.diffusion.tokenizer import load_tokenizer
 
 NAME = "everyday-objects"
 # How score distillation is best run with this model, by eye on a first set of prompts; keys of
-# pipeline.job.TrainNerf. `steps` stays out: QUALITY decides it.
+# pipeline.options.job.TrainNerf. `steps` stays out: QUALITY decides it.
 DISTILLATION = {
     # By eye, on a sofa and a car: told the camera, words are all that guidance amplifies. 20 falling to 10,
     # which the first model wanted, gives pink sofas and white cars, 10 to 5 still some of it.

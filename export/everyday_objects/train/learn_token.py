@@ -36,7 +36,7 @@ from pipeline.diffusion.prompts import view_table
 from pipeline.diffusion.tokenizer import ClipTokenizer, load_tokenizer
 from pipeline.diffusion.tokens import LearnedToken, TokenTable, insert_tokens
 from pipeline.errors import InputError
-from pipeline.stage import Progress
+from pipeline.run.stage import Progress
 
 FORMATS = (".png", ".jpg", ".jpeg", ".webp")
 FEWEST, MOST = 1, 64

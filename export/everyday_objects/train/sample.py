@@ -20,10 +20,10 @@ from export.everyday_objects.networks.autoencoder import Decoder
 from export.everyday_objects.train.train_denoiser import BETAS, TIMESTEPS, Model
 from pipeline.diffusion import sessions
 from pipeline.diffusion.bundle import open_bundle
-from pipeline.diffusion.guidance import told_cameras
 from pipeline.diffusion.prompts import view_words
 from pipeline.diffusion.schedule import Schedule
 from pipeline.diffusion.tokenizer import load_tokenizer
+from pipeline.diffusion.view_gradient import told_cameras
 
 AZIMUTHS, POLAR, DISTANCE, FOV = (25.0, 115.0, 205.0, 295.0), 72.0, 2.5, 39.5
 """Of the views [deg, scene units]."""

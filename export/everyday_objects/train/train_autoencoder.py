@@ -2,9 +2,9 @@
 export.everyday_objects.train.train_autoencoder WORK`.
 
 Writes WORK/autoencoder.pt and goes on from WORK/autoencoder.state.pt, or else from the weights of a
-WORK/autoencoder.pt that is there already (`train.restore` takes one from the bundle). What a scene shows are latents that
-were rendered, also at twice the training size, when its texture is baked: so the decoder learns to make a
-picture of 256 pixels out of enlarged latents of one of 128, beside giving back pictures of 128.
+WORK/autoencoder.pt that is there already (`train.restore` takes one from the bundle). What a scene shows are
+latents that were rendered, also at twice the training size, when its texture is baked: so the decoder learns
+to make a picture of 256 pixels out of enlarged latents of one of 128, beside giving back pictures of 128.
 """
 
 import argparse

@@ -1,0 +1,1 @@
+"""Triangle meshes: the type, its files, surfaces, texture coordinates and textures."""

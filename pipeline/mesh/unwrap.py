@@ -1,0 +1,117 @@
+"""Texture coordinates by xatlas, packed to fit the texture exactly.
+
+Letters: f faces, t texture points.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xatlas
+from jaxtyping import Float, Int
+
+from pipeline.errors import InputError
+from pipeline.mesh.mesh import Mesh, face_areas, texture_points
+from pipeline.mesh.texture import surface_texels
+
+FULL = 0.95  # share of the texture that charts and their padding would fill at the first scale tried
+SHRINK = 0.985  # least step by which the scale falls while the charts do not fit
+TRIES = 60
+ROOM = 8  # charts are at least so many paddings wide, on average: narrower ones would be all padding
+
+
+def unwrap_mesh(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[str, Any]]:
+    """Return the mesh with texture coordinates in [0, 1], the same vertices and faces, and figures about
+    them.
+
+    Args:
+        mesh: at most some ten thousands of faces: xatlas merges charts in more than linear time.
+        resolution: texture size that the charts are packed for [texels].
+        padding: texels kept free around every chart at that size; less where many charts would leave little
+            but padding, and halved until the charts fit, at the least 1. `figures["padding"]` tells.
+    """
+    atlas = xatlas.Atlas()
+    atlas.add_mesh(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))
+    hint = xatlas.PackOptions()
+    hint.resolution = resolution
+    atlas.generate(xatlas.ChartOptions(), hint)
+    source, index, uv = atlas[0]
+    if not np.array_equal(source[index], mesh.faces):
+        raise InputError("xatlas left out or reordered faces: the mesh is degenerate; repair it")
+    # xatlas divides by the width and the height of its own atlas; undo that to get lengths of the surface.
+    flat = uv.astype(np.float64) * [atlas.width, atlas.height] / atlas.texels_per_unit
+    texels, charts = None, int(atlas.chart_count)
+    widest = min(padding, max(1, int(resolution / (ROOM * np.sqrt(charts)))))
+    for room in (widest >> halvings for halvings in range(widest.bit_length() or 1)):
+        texels, charts = _pack(flat, index.astype(np.int32), resolution, room, charts)
+        if texels is not None:
+            break
+    if texels is None:
+        raise InputError(
+            f"{charts} charts do not fit a texture of {resolution}; raise unwrap.resolution (of a MESH: "
+            "prepare.resolution), or give fewer faces (clean.faces): a smoother mesh has fewer charts"
+        )
+    unwrapped = mesh._replace(uv=(texels / resolution).astype(np.float32), uv_faces=index.astype(np.int32))
+    return unwrapped, {"charts": charts, "padding": room, **uv_figures(unwrapped, resolution)}
+
+
+def _pack(
+    flat: Float[np.ndarray, "t 2"], index: Int[np.ndarray, "f 3"], resolution: int, padding: int, charts: int
+) -> tuple[Float[np.ndarray, "t 2"] | None, int]:
+    """Return texture coordinates [texels] at the largest scale tried that fits (None: no scale did), and the
+    number of charts.
+
+    Asked for a resolution, xatlas takes it as a hint and overshoots by a fifth; asked for a scale, it obeys.
+    Only the packing is repeated (a tenth of a second each), not the charts.
+    """
+    edge_1, edge_2 = flat[index[:, 1]] - flat[index[:, 0]], flat[index[:, 2]] - flat[index[:, 0]]
+    area = 0.5 * np.abs(edge_1[:, 0] * edge_2[:, 1] - edge_1[:, 1] * edge_2[:, 0]).sum()
+    # Squares of equal size, each with its padding on two sides.
+    scale = (resolution * np.sqrt(FULL) - padding * np.sqrt(charts)) / np.sqrt(area)
+    for _ in range(TRIES):
+        atlas = xatlas.Atlas()
+        atlas.add_uv_mesh(flat.astype(np.float32), index.astype(np.uint32))
+        pack = xatlas.PackOptions()
+        pack.padding = padding
+        pack.bilinear = True
+        pack.texels_per_unit = float(scale)
+        atlas.generate(xatlas.ChartOptions(), pack)
+        source, packed_index, uv = atlas[0]
+        longest = max(atlas.width, atlas.height)
+        scale *= min(SHRINK, (resolution / longest) ** 0.25)
+        if longest <= resolution and atlas.atlas_count == 1:
+            texels = np.empty((len(flat), 2), np.float64)
+            texels[source] = uv.astype(np.float64) * [atlas.width, atlas.height]
+            if not np.array_equal(source[packed_index], index):
+                raise InputError("xatlas reordered faces while packing: the mesh is degenerate; repair it")
+            return texels, int(atlas.chart_count)
+    return None, int(atlas.chart_count)
+
+
+def uv_figures(mesh: Mesh, resolution: int) -> dict[str, float]:
+    """Return coverage and overlap (shares of texels) and stretch of the texture coordinates.
+
+    Stretch is the L2 measure of Sander et al. 2001: the root mean square, over the surface, of how many times
+    longer a texel is on the surface than on average; 1 is a map that keeps all lengths.
+    """
+    uv, uv_faces = texture_points(mesh)
+    texels = surface_texels(mesh, resolution)
+    corners, flat = mesh.vertices.astype(np.float64)[mesh.faces], uv.astype(np.float64)[uv_faces]
+    edge_1, edge_2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    flat_1, flat_2 = flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]
+    twice_area = flat_1[:, 0] * flat_2[:, 1] - flat_1[:, 1] * flat_2[:, 0]
+    area, chart_area = face_areas(mesh), 0.5 * np.abs(twice_area)
+    valid = (chart_area > 1e-12) & (area > 1e-12)
+    inverse = 1.0 / np.where(valid, twice_area, 1.0)[:, None]
+    along_u = (edge_1 * flat_2[:, 1:] - edge_2 * flat_1[:, 1:]) * inverse
+    along_v = (edge_2 * flat_1[:, :1] - edge_1 * flat_2[:, :1]) * inverse
+    square = 0.5 * ((along_u**2).sum(axis=1) + (along_v**2).sum(axis=1))
+    mean_square = (square * area)[valid].sum() / area[valid].sum()
+    return {
+        "coverage": len(texels.place) / resolution**2,
+        "overlap": texels.overlap,
+        "stretch": float(np.sqrt(mean_square * chart_area[valid].sum() / area[valid].sum())),
+        "degenerate_faces": int((~valid).sum()),
+        "texels_per_unit": float(resolution * np.sqrt(chart_area.sum() / area.sum())),
+    }

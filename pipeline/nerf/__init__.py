@@ -1,0 +1,1 @@
+"""A text's own shape: the radiance field, its rendering, a step of its training."""

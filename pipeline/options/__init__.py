@@ -1,0 +1,1 @@
+"""What can be asked for: every option with its meaning, default and range."""

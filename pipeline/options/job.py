@@ -1,0 +1,289 @@
+"""What is asked for: one typed, range-checked job.
+
+A job is resolved from, in rising order of precedence: the defaults below (the paper's values where it gives
+them), the quality table, the ``distillation`` section of the model's bundle.json, the YAML file named by
+JOB, and the environment variables PROMPT, NEGATIVE, TOKEN, MODEL, SEED, QUALITY, SKETCH, SIGMA_S,
+REFINE, MESH, PARAM, PROVIDER. The resolved job is complete: it is what a run's job.yaml holds, and its hash
+names the run's folder.
+
+This module is imported before anything runs, so it imports nothing heavy.
+"""
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+
+from pipeline.errors import InputError
+from pipeline.options.asset import Bake, Clean, Extract, Publish, Unwrap
+from pipeline.options.distillation import Distillation
+from pipeline.options.nerf import Refinement, SketchField, TrainNerf
+from pipeline.options.paint import BakePaint, Prepare, TrainPaint
+from pipeline.options.schema import build, check, check_text, option, plain, read_yaml, short
+
+MODELS = Path(__file__).resolve().parents[2] / "onnx_models"
+DEFAULT_MODEL = "everyday-objects"
+
+
+@dataclass(frozen=True)
+class Job:
+    """One asset."""
+
+    prompt: str = option("", "what to make, e.g. a red armchair")
+    negative: str = option("", "what to avoid")
+    token: str = option("", "textual inversion: files of learned tokens in the prompt, commas between them")
+    model: str = option(DEFAULT_MODEL, "a folder under onnx_models/, or a path to one")
+    seed: int = option(0, "seed of every random number", 0, 2**32 - 1)
+    provider: Literal["cpu", "cuda", "tensorrt", "rocm", "migraphx", "openvino", "dml", "coreml"] = option(
+        "cpu", "what onnxruntime runs the model on"
+    )
+    quality: Literal["draft", "standard", "high"] = option("standard", "how much work: see the quality table")
+    sketch: str = option("", "Sketch-Shape: a mesh or a drawing that guides the shape; empty: none")
+    sketch_field: SketchField = field(default_factory=SketchField)
+    refine: bool = option(False, "RGB refinement after the latent training")
+    refinement: Refinement = field(default_factory=Refinement)
+    mesh: str = option("", "paint this mesh: a path to an OBJ, PLY, STL, OFF, GLB or glTF file")
+    param: Literal["texture", "face"] = option(
+        "texture", "how a mesh is painted: with a texture, or with one colour a face (no texture coordinates)"
+    )
+    train_nerf: TrainNerf = field(default_factory=TrainNerf)
+    extract: Extract = field(default_factory=Extract)
+    clean: Clean = field(default_factory=Clean)
+    unwrap: Unwrap = field(default_factory=Unwrap)
+    bake: Bake = field(default_factory=Bake)
+    prepare: Prepare = field(default_factory=Prepare)
+    train_paint: TrainPaint = field(default_factory=TrainPaint)
+    bake_paint: BakePaint = field(default_factory=BakePaint)
+    publish: Publish = field(default_factory=Publish)
+
+    def __post_init__(self) -> None:
+        check(self)
+        for name in ("prompt", "negative", "token", "sketch", "mesh"):
+            check_text(name, getattr(self, name))
+        if not self.prompt.strip():
+            raise InputError(
+                'prompt is empty: say what to make, for example make run PROMPT="a red armchair"'
+            )
+
+
+# Chosen from `make bench ONLY=oracle`, and by looking at what the bundled model makes: after 300 steps it is
+# not better than after 200, after 400 its armchair has a second back in place of the seat. A cell of 192 is
+# two thirds of one of 128: normals are off by 14.1 degrees without more smoothing, by 12.9 with it. What 60
+# steps paint has not arrived yet: cooled, it is .7 dB worse.
+QUALITY: dict[str, dict[str, dict[str, Any]]] = {
+    "draft": {
+        "train_nerf": {"steps": 100, "samples_per_ray": 48},
+        "refinement": {"fit_steps": 30, "steps": 50},
+        "extract": {"resolution": 96, "views": 12},
+        "clean": {"faces": 8_000},
+        "unwrap": {"resolution": 512},
+        "bake": {"views": 12, "texture": 512},
+        "prepare": {"resolution": 512},
+        "train_paint": {"steps": 60, "cooling": 0.0},
+        "bake_paint": {"views": 12, "texture": 512},
+        "publish": {"turntable_frames": 24},
+    },
+    "standard": {},
+    "high": {
+        "train_nerf": {"samples_per_ray": 96},
+        "refinement": {"fit_steps": 120, "steps": 400},
+        "extract": {"resolution": 192, "views": 48, "smoothing": 2.25},
+        "clean": {"faces": 60_000},
+        "unwrap": {"resolution": 2048},
+        "bake": {"views": 48, "texture": 2048},
+        "prepare": {"resolution": 2048},
+        "train_paint": {"steps": 300, "views": 192},
+        "bake_paint": {"views": 48, "texture": 2048},
+        "publish": {"turntable_frames": 120},
+    },
+}
+
+# What each stage may read of the job: the options that make up its key. A stage reads nothing else.
+STAGE_OPTIONS: dict[str, tuple[str, ...]] = {
+    "embed": ("prompt", "negative", "token", "provider"),
+    "sketch": ("sketch_field",),
+    "train_nerf": ("seed", "train_nerf", "provider"),
+    "refine": ("seed", "train_nerf", "refinement", "provider"),
+    "extract": ("extract",),
+    "clean": ("clean",),
+    "unwrap": ("unwrap",),
+    "bake": ("bake", "provider"),
+    "publish": ("publish",),
+    "prepare": ("param", "prepare"),
+    "train_paint": ("param", "seed", "train_paint", "provider"),
+    "bake_paint": ("bake_paint", "provider"),
+    "refine_paint": ("param", "seed", "train_paint", "refinement", "provider"),
+    "publish_paint": ("param", "publish"),
+    "report": ("prompt", "negative", "token", "model", "sketch", "refine", "mesh", "seed", "quality"),
+}
+
+
+def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
+    """Return the complete job that the environment asks for (an empty variable counts as not given).
+
+    Raises:
+        InputError: an unknown key, a value of the wrong type or out of range, a model that does not exist.
+    """
+    given: dict[str, Any] = read_yaml(Path(environment["JOB"])) if environment.get("JOB") else {}
+    written = given.get("quality")
+    plain = ("PROMPT", "NEGATIVE", "TOKEN", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM", "PROVIDER")
+    for variable in plain:
+        if environment.get(variable):
+            given[variable.lower()] = environment[variable]
+    if environment.get("SEED"):
+        given["seed"] = _parse_seed(environment["SEED"])
+    if environment.get("REFINE"):
+        given["refine"] = _parse_switch("REFINE", environment["REFINE"])
+    if environment.get("SIGMA_S"):
+        section = given.get("train_nerf") or {}
+        if isinstance(section, dict):  # if not, `build` says so
+            given["train_nerf"] = {**section, "sigma_s": _parse_sigma(environment["SIGMA_S"])}
+    # Everything the user can get wrong is named before the layers below it are merged in.
+    asked = build(Job, given, environment.get("JOB") or "")
+    if asked.sketch and asked.mesh:
+        raise InputError(
+            "SKETCH and MESH are given: a sketch guides a new shape, a mesh is painted as it is; "
+            "leave one out"
+        )
+    if environment.get("SIGMA_S") and not asked.sketch:
+        raise InputError("SIGMA_S is given, but no sketch that it could act on: say SKETCH=file too")
+    if set("{}") & set(asked.token):
+        raise InputError(
+            f"TOKEN {short(asked.token)} holds a brace, a wildcard to Snakemake: rename the file"
+        )
+    for file in token_files(asked.token):
+        if not file.is_file():
+            raise InputError(f"TOKEN {short(str(file))} is no file: give the path of a learned embedding")
+    if asked.sketch and not Path(asked.sketch).is_file():
+        raise InputError(f"SKETCH {short(asked.sketch)} is no file: give the path of a mesh or a drawing")
+    if asked.mesh and not Path(asked.mesh).is_file():
+        raise InputError(f"MESH {short(asked.mesh)} does not exist or is no file: give the path of a mesh")
+    if environment.get("PARAM") and not asked.mesh:
+        raise InputError("PARAM is given without MESH: it chooses how a given mesh is painted")
+    bundle = _bundle_options(bundle_folder(asked.model, models))
+    job = _merge([QUALITY[asked.quality], bundle, given], environment.get("JOB") or "")
+    if isinstance(written, str) and written in QUALITY and written != asked.quality:
+        before = _merge([QUALITY[written], bundle, given], environment.get("JOB") or "")
+        if before == job:
+            raise InputError(
+                f"QUALITY={asked.quality} changes nothing: {environment['JOB']} is complete, with the values "
+                f"of quality {written}; delete from it what {asked.quality} shall decide, or give PROMPT "
+                "and the other variables instead of JOB"
+            )
+    return job
+
+
+def _merge(layers: Sequence[Mapping[str, Any]], file: str) -> Job:
+    """Return the job of the layers, later ones first."""
+    merged: dict[str, Any] = {}
+    for layer in layers:
+        for key, value in layer.items():
+            merged[key] = {**merged.get(key, {}), **value} if isinstance(value, dict) else value
+    return build(Job, merged, file)
+
+
+def token_files(given: str) -> list[Path]:
+    """Return the files that TOKEN names: one, or several with commas between them."""
+    if not given.strip() or Path(given).is_file():
+        return [Path(given)] if given.strip() else []
+    return [Path(part.strip()) for part in given.split(",") if part.strip()]
+
+
+def bundle_folder(model: str, models: Path = MODELS) -> Path:
+    """Return the absolute folder of a model: a name under `models`, or a path (anything with a separator).
+
+    Raises:
+        InputError: there is no such folder; the text lists those there are.
+    """
+    folder = (Path(model) if "/" in model else models / model).absolute()
+    if model in ("", ".", "..") or not folder.is_dir():
+        entries = models.iterdir() if models.is_dir() else []
+        # A hidden folder is an export that has not ended.
+        known = sorted(entry.name for entry in entries if entry.is_dir() and entry.name[0] != ".")
+        raise InputError(
+            f"MODEL {model!r} does not exist; there are: {', '.join(known) or 'none'} (in {models.name}/)"
+        )
+    return folder
+
+
+def to_yaml(job: Job) -> str:
+    """Return the complete job as YAML; ``build(Job, yaml.safe_load(...))`` gives the same job back."""
+    values = plain(job)
+    text = yaml.safe_dump(values, sort_keys=False, allow_unicode=True, width=100)
+    if yaml.safe_load(text) != values:  # rare line separators (U+0085) come back as spaces unless escaped
+        text = yaml.safe_dump(values, sort_keys=False, width=100)
+    return text
+
+
+def load(path: Path) -> Job:
+    """Read a resolved job.
+
+    Raises:
+        InputError: as for `read_yaml` and `build`.
+    """
+    return build(Job, read_yaml(path), str(path))
+
+
+def stage_options(job: Job, stage: str) -> dict[str, Any]:
+    """Return the part of the job that a stage depends on, as plain JSON values."""
+    values = plain(job)
+    return {name: values[name] for name in STAGE_OPTIONS[stage]}
+
+
+def run_name(job: Job) -> str:
+    """Return the name of the job's folder: a readable slug and a hash of everything asked for."""
+    digest = hashlib.sha256(json.dumps(plain(job), sort_keys=True).encode()).hexdigest()
+    slug = re.sub(r"[^a-z0-9]+", "-", job.prompt.lower()).strip("-")[:40].strip("-")
+    return f"{slug or 'prompt'}-{digest[:10]}"
+
+
+def _parse_seed(text: str) -> int:
+    if not re.fullmatch(r"[+-]?\d{1,20}", text.strip(), flags=re.ASCII):
+        raise InputError(f"SEED is {short(text)}, expected a whole number from 0 to {2**32 - 1}")
+    return int(text)
+
+
+def _parse_switch(name: str, text: str) -> bool:
+    if text not in ("0", "1"):
+        raise InputError(f"{name} is {short(text)}, expected 1 (yes) or 0 (no)")
+    return text == "1"
+
+
+def _parse_sigma(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"SIGMA_S is {short(text)}, expected a number such as 0.3") from None
+
+
+def _bundle_options(folder: Path) -> dict[str, Any]:
+    """Return what the bundle recommends, by section of the job.
+
+    Its `distillation` speaks of training a field; painting takes of it what the two share, and `painting`;
+    refinement goes on where it ends, but for `refinement`.
+    """
+    path = folder / "bundle.json"
+    if not path.exists():
+        return {}
+    try:
+        described = json.loads(path.read_text(encoding="utf-8"))
+        options, painting, refinement = (
+            {**described.get(name, {})} for name in ("distillation", "painting", "refinement")
+        )
+    except (OSError, ValueError, AttributeError, TypeError) as error:
+        raise InputError(
+            f"{path} is not a bundle description: {error}; fetch or export the bundle again"
+        ) from None
+    shared = {spec.name for spec in fields(Distillation)}
+    common = {name: value for name, value in options.items() if name in shared}
+    painting = {**common, **painting}
+    last = {name.removesuffix("_end"): v for name, v in common.items() if name.endswith("_end") and v}
+    refinement = {**common, **last, **refinement}
+    for kind, values in ((TrainNerf, options), (TrainPaint, painting), (Refinement, refinement)):
+        build(kind, values, str(path))
+    return {"train_nerf": options, "train_paint": painting, "refinement": refinement}

@@ -1,0 +1,160 @@
+"""The loop of every training: it goes on from a checkpoint, records its steps, and keeps and shows its state.
+
+A training that is told to stop (SIGINT, SIGTERM) ends the step that it is in and leaves a checkpoint of it.
+"""
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+
+from pipeline.progress import Progress, say
+from pipeline.training import checkpoints
+
+KEEP_SECONDS = 10.0
+"""Time between checkpoints, where steps are slow or few [seconds]."""
+PREVIEW = "preview_training.png"
+"""The file beside the checkpoints that shows how training goes."""
+
+History = list[dict[str, Any]]
+"""One row a step: its number, its metrics, and `seconds` by part."""
+
+
+class Trained(Protocol):
+    """The state of a training, whatever it trains."""
+
+    step: int
+    """Steps done."""
+
+
+class StepMetrics(Protocol):
+    """What a step tells of itself: a NamedTuple with these and more."""
+
+    @property
+    def gradient_norm(self) -> float: ...
+    @property
+    def seconds(self) -> dict[str, float]: ...
+    def _asdict(self) -> dict[str, Any]: ...
+
+
+class Pace(Protocol):
+    """How many steps, and how often they are kept and shown: a section of options."""
+
+    @property
+    def steps(self) -> int: ...
+    @property
+    def checkpoint_every(self) -> int: ...
+    @property
+    def preview_every(self) -> int: ...
+
+
+S = TypeVar("S", bound=Trained)
+Encode = Callable[[S, History], dict[str, np.ndarray]]
+"""A state and its history -> named arrays: everything that going on needs."""
+Decode = Callable[[Mapping[str, np.ndarray]], tuple[S, History]]
+"""The other way; raises ValueError for arrays of another training."""
+
+
+class Start(NamedTuple, Generic[S]):
+    """Where a training begins or goes on."""
+
+    state: S
+    history: History
+    resumed_at: int
+    """Steps that were done already."""
+    warnings: list[str]
+    """About checkpoints that were damaged."""
+
+
+def resume(stage: str, folder: Path, decode: Decode[S], initial: Callable[[], S]) -> Start[S]:
+    """Return the newest whole checkpoint of `folder`, or the `initial` state, and say which."""
+    found, damaged = checkpoints.read_newest(folder, decode)
+    state, history = found or (initial(), [])
+    say(
+        f"{stage}: continues after step {state.step}"
+        if found
+        else f"{stage}: a preview will appear at {folder / PREVIEW}"
+    )
+    warnings = [f"{name} was damaged: trained again from step {state.step}" for name in damaged]
+    return Start(state, history, state.step, warnings)
+
+
+def take_steps(
+    stage: str,
+    state: S,
+    history: History,
+    pace: Pace,
+    step: Callable[[S], StepMetrics],
+    *,
+    keep: Callable[[S, History], None] = lambda state, history: None,
+    show: Callable[[S], None] = lambda state: None,
+    note: Callable[[Any], str] = lambda metrics: f"gradient {metrics.gradient_norm:.2f}",
+    last: Callable[[], int] | None = None,
+) -> None:
+    """Take the steps that `state` has not done yet, in place; record each in `history`.
+
+    Args:
+        keep: called every `checkpoint_every` steps, every KEEP_SECONDS, and when the training is stopped.
+        show: called every `preview_every` steps.
+        note: what the progress line says of a step.
+        last: the steps of the run in all, as known after each; None: those of `pace`.
+
+    Raises:
+        KeyboardInterrupt: a signal asked for the end; the state is kept.
+        FloatingPointError: a NaN or an infinity, named by tensor and step.
+    """
+    total = last or (lambda: pace.steps)
+    with Progress(stage, total(), "steps") as progress, stop_signals() as stopped:
+        kept_at = time.monotonic()
+        while state.step < total():
+            metrics = step(state)
+            history.append(_row(state.step, metrics))
+            progress.total = total()
+            progress.update(state.step, note(metrics))
+            due = state.step % pace.checkpoint_every == 0 or time.monotonic() - kept_at > KEEP_SECONDS
+            if stopped() or (due and state.step < total()):
+                keep(state, history)
+                kept_at = time.monotonic()
+            if stopped():
+                raise KeyboardInterrupt
+            if state.step % pace.preview_every == 0:
+                show(state)
+
+
+@contextmanager
+def stop_signals() -> Iterator[Callable[[], bool]]:
+    """Give a function that says whether SIGINT or SIGTERM has come: they do not end anything meanwhile.
+
+    Signals that are ignored stay so; outside the main thread, which alone can hear them, none ever comes.
+    """
+    came: list[int] = []
+
+    def hear(number: int, frame: FrameType | None) -> None:
+        came.append(number)
+
+    former: dict[signal.Signals, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                former[number] = signal.signal(number, hear)
+    try:
+        yield lambda: bool(came)
+    finally:
+        for number, handler in former.items():
+            signal.signal(number, handler)
+
+
+def seconds_of(history: History) -> dict[str, float]:
+    """Return the seconds of all steps by part."""
+    return {part: round(sum(row["seconds"][part] for row in history), 3) for part in history[0]["seconds"]}
+
+
+def _row(step: int, metrics: StepMetrics) -> dict[str, Any]:
+    seconds = {part: round(value, 5) for part, value in metrics.seconds.items()}
+    return {"step": step, **metrics._asdict(), "seconds": seconds}
