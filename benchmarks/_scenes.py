@@ -28,8 +28,9 @@ from pipeline.nerf.refining import render_rgb
 from pipeline.nerf.rendering import render_views
 from pipeline.nerf.scene import load_scene
 from pipeline.nerf.views import decoded_views
-from pipeline.options.job import Job, bundle_folder, resolve, stage_options
+from pipeline.options.job import Job, bundle_folder, resolve
 from pipeline.run import provenance
+from pipeline.run.chain import stage_options
 from pipeline.run.stage import Context
 from pipeline.stages import embed, refine, train_nerf
 

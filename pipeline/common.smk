@@ -23,7 +23,7 @@ encoder = {name: path for name, path in optional.items() if name == "vae_encoder
 # A comma inside a path is percent-encoded.
 tokens = {f"token{i}": relative(unquote(path))
           for i, path in enumerate(filter(None, str(config.get("tokens", "")).split(",")))}
-refine = bool(config.get("refine"))
+STAGES = config["stages"].split("+")
 
 
 def named_files(wildcards, input, output):
@@ -42,7 +42,9 @@ def given_files(name):
 
 
 PYTHON = sys.executable
-STAGE = "exec {PYTHON:q} -m pipeline.run.stage_server {rule} --job job.yaml {params.files:q}"
+FILES = "--job job.yaml {params.files:q}"
+WARM = "exec {PYTHON:q} -m pipeline.run.stage_server {rule} " + FILES
+COLD = "exec {PYTHON:q} -m pipeline.stages.{rule} " + FILES  # a stage that need not wait for torch
 
 
 rule all:
@@ -55,4 +57,4 @@ rule embed:
     output: embeddings=update("embeddings.npz"), entry=update("stages/embed.json")
     params: files=named_files
     threads: config["threads"]
-    shell: STAGE
+    shell: COLD

@@ -26,7 +26,7 @@ import hashlib, json, sys, time
 from pathlib import Path
 from pipeline.errors import InputError
 from pipeline.files import path_sha256
-from pipeline.options.job import stage_options
+from pipeline.run.chain import stage_options
 from pipeline.run.stage import Context, Progress, execute, say
 from pipeline.stages import tools
 

@@ -1,6 +1,7 @@
 """Who may import what, and what a user's environment holds."""
 
 import ast
+import graphlib
 import importlib.metadata
 import re
 import subprocess
@@ -9,6 +10,8 @@ import tomllib
 from pathlib import Path
 
 from packaging.requirements import Requirement
+
+from pipeline.run.provenance import DISTRIBUTIONS, imports
 
 ROOT = Path(__file__).resolve().parents[1]
 EXPORT_ONLY = {"diffusers", "transformers"}
@@ -47,11 +50,58 @@ def test_only_pipeline_diffusion_opens_onnxruntime() -> None:
     assert users == {"pipeline/diffusion"}
 
 
+ROOMS = [
+    ["__main__"],
+    ["stages"],
+    ["report"],
+    ["run"],
+    ["nerf", "paint"],
+    ["diffusion"],
+    ["training"],
+    ["sketch"],
+    ["mesh"],
+    ["options"],
+    ["kernels"],
+    ["arrays", "cameras", "files", "progress"],
+    ["errors"],
+]
+"""From top to bottom: who is in a row imports only what is in its own room, or in a row below."""
+
+
+def test_rooms_import_only_what_is_below_them() -> None:
+    row = {room: number for number, rooms in enumerate(ROOMS) for room in rooms}
+    for path in python_files("pipeline"):
+        own = path.relative_to(ROOT / "pipeline").with_suffix("").parts[0]
+        if own == "__init__":
+            continue
+        for name in imports(path.read_text(encoding="utf-8"), ""):
+            package, _, rest = name.partition(".")
+            room = rest.partition(".")[0]
+            if package == "pipeline" and rest and room != own:
+                assert row[own] < row[room], f"{path.relative_to(ROOT)} imports {name}"
+
+
+def test_no_stage_imports_a_stage_and_no_module_imports_itself_round_a_circle() -> None:
+    def above(path: Path) -> set[Path]:
+        found = set()
+        for name in imports(path.read_text(encoding="utf-8"), ""):
+            file = ROOT.joinpath(*name.split(".")).with_suffix(".py")
+            if name.startswith("pipeline.") and file.is_file():
+                found.add(file)
+        return found
+
+    graph = {path: above(path) for path in python_files("pipeline") if path.name != "__init__.py"}
+    for path, below in graph.items():
+        if path.parent.name == "stages":
+            assert not [file for file in below if file.parent.name == "stages"], path
+    graphlib.TopologicalSorter(graph).prepare()  # raises CycleError
+
+
 def test_ruff_enforces_the_same_bans() -> None:
     for module in [*sorted(EXPORT_ONLY), "onnxruntime"]:
         command = [sys.executable, "-m", "ruff", "check", "--select", "TID251", "--stdin-filename"]
         for name, allowed in {
-            "pipeline/scene/x.py": False,
+            "pipeline/nerf/x.py": False,
             "pipeline/x.py": False,
             "export/x.py": True,
         }.items():
@@ -92,8 +142,6 @@ def test_the_runtime_environment_has_neither_diffusers_nor_transformers() -> Non
 
 
 def test_everything_the_pipeline_imports_is_in_the_runtime_environment() -> None:
-    from pipeline.run.provenance import DISTRIBUTIONS
-
     closure = runtime_closure()
     used = {name for path in python_files("pipeline") for name in imported(path)} - set(
         sys.stdlib_module_names

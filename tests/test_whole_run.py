@@ -131,6 +131,35 @@ def test_killed_in_training_and_continued_is_the_same_asset(folder: Path) -> Non
         ), name
 
 
+def test_ctrl_c_in_training_keeps_the_step_that_it_is_in(folder: Path) -> None:
+    """Without a checkpoint due: steps are many, and so are those between checkpoints."""
+    often, never = "checkpoint_every: 5, preview_every: 20", "checkpoint_every: 100000, preview_every: 5"
+    (folder / "long.yaml").write_text(OPTIONS.replace(often, never).replace("steps: 40", "steps: 100000"))
+
+    def start() -> "subprocess.Popen[str]":
+        return subprocess.Popen(
+            command(folder, "long", JOB=str(folder / "long.yaml")), cwd=ROOT, env=clean_environment(),
+            stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, start_new_session=True,
+        )  # fmt: skip
+
+    process, scratch = start(), folder / "long" / "latest" / "checkpoints" / "train_nerf"
+    deadline = time.monotonic() + 120
+    while not (scratch / "preview_training.png").exists():
+        assert process.poll() is None, "ended before the first preview"
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    assert not list(scratch.glob("*.checkpoint"))
+    os.killpg(process.pid, signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert "stopped; the same command goes on from here" in said
+    (kept,) = scratch.glob("*.checkpoint")
+    again = start()
+    assert again.stderr is not None
+    line = next(line for line in again.stderr if "continues after step" in line)
+    assert int(line.split()[-1]) == int(kept.stem) >= 5
+    kill_group(again)
+
+
 def test_a_wrong_number_of_threads_in_the_caller_changes_nothing(folder: Path) -> None:
     """Threads come from THREADS or the machine, never from the caller's environment."""
     from pipeline.run.engine import environment

@@ -103,25 +103,6 @@ QUALITY: dict[str, dict[str, dict[str, Any]]] = {
     },
 }
 
-# What each stage may read of the job: the options that make up its key. A stage reads nothing else.
-STAGE_OPTIONS: dict[str, tuple[str, ...]] = {
-    "embed": ("prompt", "negative", "token", "provider"),
-    "sketch": ("sketch_field",),
-    "train_nerf": ("seed", "train_nerf", "provider"),
-    "refine": ("seed", "train_nerf", "refinement", "provider"),
-    "extract": ("extract",),
-    "clean": ("clean",),
-    "unwrap": ("unwrap",),
-    "bake": ("bake", "provider"),
-    "publish": ("publish",),
-    "prepare": ("param", "prepare"),
-    "train_paint": ("param", "seed", "train_paint", "provider"),
-    "bake_paint": ("bake_paint", "provider"),
-    "refine_paint": ("param", "seed", "train_paint", "refinement", "provider"),
-    "publish_paint": ("param", "publish"),
-    "report": ("prompt", "negative", "token", "model", "sketch", "refine", "mesh", "seed", "quality"),
-}
-
 
 def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
     """Return the complete job that the environment asks for (an empty variable counts as not given).
@@ -227,12 +208,6 @@ def load(path: Path) -> Job:
         InputError: as for `read_yaml` and `build`.
     """
     return build(Job, read_yaml(path), str(path))
-
-
-def stage_options(job: Job, stage: str) -> dict[str, Any]:
-    """Return the part of the job that a stage depends on, as plain JSON values."""
-    values = plain(job)
-    return {name: values[name] for name in STAGE_OPTIONS[stage]}
 
 
 def run_name(job: Job) -> str:

@@ -3,15 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-OPTIONAL = {"sketch": "a sketch", "refine": "refinement", "refine_paint": "refinement"}
-"""Stages that a run has only if it is asked for them."""
-SECTIONS = {
-    "train_nerf": "train_nerf",
-    "train_paint": "train_paint",
-    "refine": "refinement",
-    "refine_paint": "refinement",
-}
-"""Where the options of a stage's distillation are."""
+from pipeline.run.chain import PAINT, STAGES, TEXT
 
 
 def unneeded(entries: Sequence[dict[str, Any]]) -> list[str]:
@@ -21,9 +13,9 @@ def unneeded(entries: Sequence[dict[str, Any]]) -> list[str]:
     ONLY=skip`.
     """
     lines = [f"{entry['stage']}: {line}" for entry in entries for line in _of_stage(entry)]
-    stages = {entry["stage"] for entry in entries}
-    optional = ["refine_paint"] if "train_paint" in stages else ["sketch", "refine"]
-    if absent := [OPTIONAL[name] for name in optional if name not in stages]:
+    ran = {entry["stage"] for entry in entries}
+    chain = next((chain for chain in (TEXT, PAINT) if ran <= {stage.name for stage in chain}), ())
+    if absent := [stage.optional for stage in chain if stage.optional and stage.name not in ran]:
         lines.append(f"not asked for, so neither run nor loaded: {' and '.join(absent)}")
     if reused := [entry["stage"] for entry in entries if entry.get("reused_from")]:
         lines.append(f"taken from another run: {', '.join(reused)}")
@@ -49,7 +41,7 @@ def _of_stage(entry: dict[str, Any]) -> list[str]:
         lines.append(f"{metrics['unseen_colours']} of {every} colours, which no face uses or no view sees")
     if metrics.get("uv") == "the file's":
         lines.append("unwrapping: the file's texture coordinates are good")
-    asked = entry.get("options", {}).get(SECTIONS.get(entry["stage"], ""), {})
+    asked = entry.get("options", {}).get(STAGES[entry["stage"]].training, {})
     if asked.get("guidance_scale") == asked.get("guidance_scale_end") == 1:
         lines.append("the denoiser's pass without the text, since guidance is 1")
     return lines

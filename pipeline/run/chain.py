@@ -1,72 +1,107 @@
-"""The chain of stages of a job, as its Snakefile has it."""
+"""The one table of stages: what is known of each outside its own file. Everything that lists stages reads it.
 
+A stage to add: a row here, its file in stages/, its options in options/, its cost in run/costs.py (a function
+of its name), and its rule in a Snakefile, whose inputs and outputs say what it reads and writes.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from urllib.parse import quote
+from typing import Any
 
-from pipeline.options.job import Job, bundle_folder, token_files
+from pipeline.options.job import Job
+from pipeline.options.schema import plain
 
 
 @dataclass(frozen=True)
-class Link:
-    """One stage of the chain; paths are relative to the run's folder."""
+class Stage:
+    """One stage of a chain."""
 
-    stage: str
-    inputs: dict[str, str]
-    outputs: dict[str, str]
+    name: str
+    options: tuple[str, ...]
+    """What it may read of the job: these make up its key. It reads nothing else."""
+    asked: Callable[[Job], bool] = lambda job: True
+    """Whether a job has it."""
+    optional: str = ""
+    """What a run without it did not ask for."""
+    networks: tuple[str, ...] = ()
+    """Graphs of the bundle that it opens, one after the other."""
+    together: tuple[str, ...] = ()
+    """And those that it opens at once."""
+    training: str = ""
+    """The section of its options that says how it trains."""
+    warm: bool = True
+    """Whether it is forked from a process that has imported torch, for which the first one would wait."""
 
 
-def stages_of(job: Job) -> list[str]:
+_REFINING = ("unet", "vae_encoder", "vae_encoder_vjp", "vae_decoder")
+
+TEXT = (
+    Stage(
+        "embed",
+        ("prompt", "negative", "token", "provider"),
+        networks=("text_encoder", "vae_encoder"),
+        warm=False,
+    ),
+    Stage("sketch", ("sketch_field",), lambda job: bool(job.sketch), "a sketch"),
+    Stage(
+        "train_nerf",
+        ("seed", "train_nerf", "provider"),
+        networks=("unet",),
+        training="train_nerf",
+    ),
+    Stage(
+        "refine",
+        ("seed", "train_nerf", "refinement", "provider"),
+        lambda job: job.refine,
+        "refinement",
+        together=_REFINING,
+        training="refinement",
+    ),
+    Stage("extract", ("extract",)),
+    Stage("clean", ("clean",)),
+    Stage("unwrap", ("unwrap",)),
+    Stage("bake", ("bake", "provider"), networks=("vae_decoder",)),
+    Stage("publish", ("publish",)),
+)
+"""From a text to a mesh."""
+
+PAINT = (
+    TEXT[0],
+    Stage("prepare", ("param", "prepare")),
+    Stage(
+        "train_paint",
+        ("param", "seed", "train_paint", "provider"),
+        networks=("unet",),
+        training="train_paint",
+    ),
+    Stage("bake_paint", ("bake_paint", "provider"), networks=("vae_decoder",)),
+    Stage(
+        "refine_paint",
+        ("param", "seed", "train_paint", "refinement", "provider"),
+        lambda job: job.refine,
+        "refinement",
+        together=_REFINING,
+        training="refinement",
+    ),
+    Stage("publish_paint", ("param", "publish")),
+)
+"""From a text and a mesh to that mesh with colours."""
+
+REPORT = Stage(
+    "report",
+    ("prompt", "negative", "token", "model", "sketch", "refine", "mesh", "seed", "quality"),
+)
+"""The last stage of both."""
+
+STAGES = {stage.name: stage for stage in (*TEXT, *PAINT, REPORT)}
+
+
+def stages_of(job: Job) -> list[Stage]:
     """Return the stages of a job's chain in their order, without asking Snakemake, which takes a second."""
-    if job.mesh:
-        refine = ["refine_paint"] if job.refine else []
-        return ["embed", "prepare", "train_paint", "bake_paint", *refine, "publish_paint", "report"]
-    sketch, refine = ["sketch"] if job.sketch else [], ["refine"] if job.refine else []
-    meshing = ["extract", "clean", "unwrap", "bake", "publish", "report"]
-    return ["embed", *sketch, "train_nerf", *refine, *meshing]
+    return [*(stage for stage in (PAINT if job.mesh else TEXT) if stage.asked(job)), REPORT]
 
 
-def snakefile(job: Job) -> Path:
-    """Return the file with the rules for a job: painting a given mesh, or making one."""
-    return Path(__file__).parents[1] / ("Snakefile.paint" if job.mesh else "Snakefile")
-
-
-def snakemake_config(job: Job, run: Path, threads: int = 1) -> dict[str, str | int]:
-    """Return what the Snakefile is told: the run (it need not exist yet), its bundle, threads a stage, and
-    the files that the user gave. Paths are percent-encoded: Snakemake reads values as YAML, without quotes.
-    """
-    given = {name: Path(path) for name, path in (("mesh", job.mesh), ("sketch", job.sketch)) if path}
-    tokens = ",".join(quote(str(path.resolve())) for path in token_files(job.token))
-    paths = {"run": run, "bundle": bundle_folder(job.model), **given}
-    return {
-        **{name: quote(str(path.resolve())) for name, path in paths.items()},
-        "param": job.param,
-        "refine": int(job.refine),
-        **({"tokens": tokens} if tokens else {}),  # Snakemake takes no empty value
-        "threads": threads,
-    }
-
-
-def read_chain(job: Job, run: Path) -> list[Link]:
-    """Return the stages of a job's run, each after those it depends on."""
-    # Snakemake takes a second to import: only who asks for the chain pays.
-    from snakemake.api import ConfigSettings, OutputSettings, ResourceSettings, SnakemakeApi
-
-    with SnakemakeApi(OutputSettings(dryrun=True)) as api:
-        config = ConfigSettings(config=snakemake_config(job, run))
-        rules = api.workflow(ResourceSettings(), config, snakefile=snakefile(job))._workflow.rules
-        links = []
-        for rule in rules:
-            outputs = {name: str(path) for name, path in rule.output.items()}
-            if outputs.pop("entry", None):
-                inputs = {name: _plain(path) for name, path in rule.input.items()}
-                for given in getattr(rule.params, "given", lambda wildcards: ())(None):
-                    name, _, path = given.removeprefix("--input=").partition("=")
-                    inputs[name] = path
-                links.append(Link(rule.name, inputs, outputs))
-    return links
-
-
-def _plain(path: str) -> str:
-    """Undo the doubling by which the Snakefile keeps braces from being wildcards."""
-    return str(path).replace("{{", "{").replace("}}", "}")
+def stage_options(job: Job, name: str) -> dict[str, Any]:
+    """Return the part of the job that a stage depends on, as plain JSON values."""
+    values = plain(job)
+    return {option: values[option] for option in STAGES[name].options}

@@ -25,11 +25,13 @@ from pipeline.options.job import Job
 from pipeline.options.schema import read_yaml
 from pipeline.progress import duration, say
 from pipeline.run import provenance
-from pipeline.run.chain import read_chain, snakefile, snakemake_config, stages_of
-from pipeline.run.estimate import Cost, available_memory_mb, estimate, machine_pace
+from pipeline.run.chain import stages_of
+from pipeline.run.costs import Cost
+from pipeline.run.estimate import available_memory_mb, estimate, machine_pace
 from pipeline.run.plan import Step, make_plan
+from pipeline.run.snakefiles import read_chain, snakefile, snakemake_config
 from pipeline.run.stage import FOLLOW_PARENT, die_with_parent
-from pipeline.run.stage_server import ADDRESS, COLD, GRACE
+from pipeline.run.stage_server import ADDRESS, GRACE
 
 PROFILES = Path(__file__).parents[1] / "profiles"
 RESULTS = ("asset.glb", "report.html")
@@ -226,7 +228,7 @@ def _warm(job: Job, run: Path, profile: Path, threads: int) -> Iterator[dict[str
     if not _runs_here(profile) or sys.platform != "linux":
         yield cold
         return
-    served = [stage for stage in stages_of(job) if stage not in COLD]
+    served = [stage.name for stage in stages_of(job) if stage.warm]
     address = run / ".warm"
     address.unlink(missing_ok=True)
     server = subprocess.Popen(

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Literal
 
 from pipeline.files import path_sha256
-from pipeline.options import job as jobs
 from pipeline.options.job import Job
 from pipeline.run import provenance
-from pipeline.run.chain import Link
+from pipeline.run.chain import stage_options
 from pipeline.run.provenance import Entry
+from pipeline.run.snakefiles import Link
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def make_plan(job: Job, run: Path, chain: list[Link]) -> list[Step]:
             name: known[path] if path in known else path_sha256(_inside(run, path))
             for name, path in link.inputs.items()
         }
-        options = jobs.stage_options(job, link.stage)
+        options = stage_options(job, link.stage)
         key = provenance.key(options, module, hashes)
         faults = provenance.damaged(run, entry) if entry else []
         if entry and entry["key"] == key and not faults:

@@ -31,6 +31,7 @@ from pipeline.options.job import Job
 from pipeline.progress import Progress as Progress
 from pipeline.progress import say as say
 from pipeline.run import provenance
+from pipeline.run.chain import stage_options
 
 USER_ERROR = 2
 FAILURE = 1
@@ -96,7 +97,7 @@ def execute(name: str, main: Callable[[Context], None]) -> None:
 def _run(name: str, main: Callable[[Context], None], run: Path, arguments: argparse.Namespace) -> None:
     job = jobs.load(arguments.job)
     inputs, outputs = dict(arguments.input), dict(arguments.output)
-    options = jobs.stage_options(job, name)
+    options = stage_options(job, name)
     hashes = {}
     for label, path in inputs.items():
         if not path.exists():

@@ -30,9 +30,6 @@ from typing import Any, NamedTuple, NoReturn
 
 ADDRESS = "PIPELINE_WARM"
 """Environment variable with the path of the server's socket."""
-COLD = ("embed",)
-"""Stages that start by themselves: the first one, which needs neither torch nor numba, would otherwise wait
-until the server has imported these for the second."""
 LATE = ("trimesh", "skimage.measure")
 """What stages import as they go along."""
 TICK = 0.02
@@ -43,8 +40,6 @@ GRACE = 5.0
 
 def call(name: str, arguments: Sequence[str]) -> int:
     """Run a stage in a fork of the server, or in this process's place; return its exit status."""
-    if name in COLD:
-        _replace_by(name, arguments)
     with socket.socket(socket.AF_UNIX) as connection:
         try:
             connection.connect(os.environ[ADDRESS])

@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.files import file_sha256
-from pipeline.options.job import stage_options, to_yaml
+from pipeline.options.job import to_yaml
 from pipeline.report.page import Page, render
+from pipeline.run.chain import stage_options
 from pipeline.run.stage import Context, execute
 
 FILES = {

@@ -247,12 +247,6 @@ def test_a_broken_recommendation_of_a_model_is_named(models: Path) -> None:
             resolve({"PROMPT": "x", "MODEL": "tuned"}, models)
 
 
-def test_every_stage_declares_fields_that_a_job_has() -> None:
-    fields = {field.name for field in dataclasses.fields(Job)}
-    declared = {name for names in jobs.STAGE_OPTIONS.values() for name in names}
-    assert declared == fields, "every option reaches a stage, and no stage asks for one that is not there"
-
-
 def test_the_examples_are_jobs() -> None:
     examples = Path(__file__).parents[2] / "examples"
     job = resolve({"PROMPT": "a brown horse", "NEGATIVE": "a chair", "JOB": str(examples / "two-faced.yaml")})

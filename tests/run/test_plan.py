@@ -7,12 +7,13 @@ import pytest
 
 from pipeline.files import file_sha256
 from pipeline.options.asset import Bake, Clean, Extract
-from pipeline.options.job import STAGE_OPTIONS, Job, stage_options
+from pipeline.options.job import Job
 from pipeline.options.nerf import Refinement, SketchField, TrainNerf
 from pipeline.run import provenance
-from pipeline.run.chain import Link, read_chain, stages_of
+from pipeline.run.chain import STAGES, stage_options, stages_of
 from pipeline.run.estimate import estimate, machine_pace
 from pipeline.run.plan import make_plan
+from pipeline.run.snakefiles import Link, read_chain
 
 TEXT_STAGES = ["embed", "train_nerf", "extract", "clean", "unwrap", "bake", "publish", "report"]
 JOB = Job(prompt="a red ball")
@@ -161,7 +162,9 @@ def test_the_stages_are_known_without_asking_snakemake(tmp_path: Path, given: st
     job = Job(
         prompt="x", model=str(tmp_path / "model"), refine=refine, **({given: str(mesh)} if given else {})
     )
-    assert stages_of(job) == [link.stage for link in read_chain(job, tmp_path / "runs" / "x")]
+    assert [stage.name for stage in stages_of(job)] == [
+        link.stage for link in read_chain(job, tmp_path / "runs" / "x")
+    ]
 
 
 def test_estimates_grow_with_the_work() -> None:
@@ -184,7 +187,7 @@ def test_estimates_grow_with_the_work() -> None:
         estimate("train_nerf", base, 64, {"unet": 1700}).seconds
         > 20 * estimate("train_nerf", base, 32, {"unet": 20}).seconds
     )
-    for stage in STAGE_OPTIONS:
+    for stage in STAGES:
         assert estimate(stage, base, 32, {"unet": 20}).memory_mb < 4096
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.files import file_sha256, path_sha256
-from pipeline.options.job import STAGE_OPTIONS
 from pipeline.run import provenance
+from pipeline.run.chain import STAGES
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def test_the_code_hash_follows_the_closure_only(package: Path) -> None:
 
 
 def test_every_stage_knows_the_versions_of_what_it_imports() -> None:
-    for stage in STAGE_OPTIONS:
+    for stage in STAGES:
         source, versions = provenance.code(f"pipeline.stages.{stage}")
         assert len(source) == 64
         assert all(versions.values())
@@ -95,11 +95,11 @@ def test_every_part_of_a_key_counts() -> None:
 
 def test_stages_read_only_the_options_that_they_declare() -> None:
     """An option read but not declared would not be in the key, and a change of it would be overlooked."""
-    for stage, declared in STAGE_OPTIONS.items():
+    for stage, known in STAGES.items():
         source = (provenance.ROOT / "pipeline" / "stages" / f"{stage}.py").read_text()
         for node in ast.walk(ast.parse(source)):
             if isinstance(node, ast.Attribute) and ast.unparse(node.value).endswith(("context.job", "job")):
-                assert node.attr in declared, f"{stage} reads job.{node.attr}"
+                assert node.attr in known.options, f"{stage} reads job.{node.attr}"
 
 
 def test_folders_are_hashed_by_names_and_contents(tmp_path: Path) -> None:
