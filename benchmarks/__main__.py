@@ -6,7 +6,7 @@ many scenes, or want 8 GB of memory, and run when they are named.
 A benchmark is a module of this folder named after ONLY (dashes are underscores) with a function
 ``main(folder) -> dict``: it may write pictures and a table (.md), named after itself, into the folder, and
 returns its figures, among them ``summary``. They are written with the machine and the versions to
-benchmarks/results/<name>.json, and the table into the README where that has a mark for it.
+benchmarks/results/<name>.json, and the table into the page of docs/ that has a mark for it.
 
 `blind` is a package and none of these: people take part in it (``python -m benchmarks.blind``).
 """
@@ -21,7 +21,7 @@ import time
 from pathlib import Path
 
 HERE = Path(__file__).parent
-RESULTS, README = HERE / "results", HERE.parent / "README.md"
+RESULTS, DOCS = HERE / "results", HERE.parent / "docs"
 BY_NAME = {
     "default-model": "35 min",
     "guidance": "16 min",
@@ -65,7 +65,8 @@ def main() -> int:
         print(json.dumps(record["summary"], indent=1))
         print(path)
         if (RESULTS / f"{name}.md").is_file():
-            include(README, name, (RESULTS / f"{name}.md").read_text(encoding="utf-8"))
+            for page in DOCS.glob("*.md"):
+                include(page, name, (RESULTS / f"{name}.md").read_text(encoding="utf-8"))
     if not chosen:
         listed = ", ".join(f"{name} ({cost})" for name, cost in BY_NAME.items())
         print(f"not run, since ONLY did not name them: {listed}")

@@ -82,8 +82,8 @@ def ideal_guidance(
             text,
             text[0],
             1.0,
-            clean_clamp,
-            signal_power,
+            clean_clamp=clean_clamp,
+            signal_power=signal_power,
             gradient_clip=batch.gradient_clip,
         )
         counted.seconds += time.process_time() - began

@@ -1,4 +1,4 @@
-"""Figures as Markdown tables, for the README."""
+"""Figures as Markdown tables, for the pages of docs/."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -149,6 +149,7 @@ def compare(painted: Painted, mesh: Mesh, decode: Decode) -> tuple[dict[str, Any
 
 
 def main(folder: Path) -> dict[str, Any]:
+    """Paint every subject, bake it both ways, write the table and the picture; return the figures."""
     rows, tiles, missing = [], [], []
     with tempfile.TemporaryDirectory() as work, vae_decoder(BUNDLE / "vae_decoder") as decode:
         for subject in SUBJECTS:

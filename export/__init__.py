@@ -1,0 +1,1 @@
+"""How models are made: exports of checkpoints, and the bundled model's data, networks and training."""

@@ -111,6 +111,7 @@ class _Named(nn.Module):
         self.traced = traced
 
     def forward(self, sample: Tensor, cotangent: Tensor) -> Tensor:
+        """Run the traced graph: (b, 3, h, w), (b, c, h, w) to (b, 3, h, w)."""
         return self.traced(sample, cotangent)
 
 

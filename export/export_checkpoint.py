@@ -41,6 +41,8 @@ class ExportOptions:
 
 @dataclass(frozen=True)
 class Cost:
+    """What an export takes."""
+
     memory_gb: float
     disk_gb: float
     minutes: float

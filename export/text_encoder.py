@@ -61,6 +61,7 @@ class _GrowingTable(nn.Module):
         self.extra: list[Tensor] = []
 
     def forward(self, ids: Tensor) -> Tensor:
+        """Look up ids, those behind the vocabulary among the extra embeddings."""
         return torch.cat([self.weight, *self.extra])[ids]
 
 

@@ -1,4 +1,4 @@
-"""Every command of the README is one that the program takes."""
+"""Every command of the README and of the pages that it leads to is one that the program takes; the README is short."""
 
 import re
 import shlex
@@ -13,21 +13,34 @@ from tests.tiny_bundle import write_tiny_bundle
 
 GIVEN = {"TOKEN": "tokens/mine.safetensors", "CHECKPOINT": "path/to/checkpoint"}
 """Files of the reader's own, as the README calls them."""
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 TESTED = {
     "make export": "tests/export/test_export_checkpoint.py",
     "make learn-token": "tests/export/test_learn_token.py",
     "make help": "tests/test_front_door.py",
     "make test": "tests/conftest.py",
+    ".venv/bin/python -m": "tests/nerf/test_field.py",
+    ".venv/bin/ruff check": "tests/test_imports.py",
 }
 """Commands that take minutes or change things, and what runs them instead."""
 
 
 def commands() -> list[list[str]]:
     """Return the commands of all shell blocks, as words."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
     blocks = re.findall(r"```sh\n(.*?)```", text, flags=re.DOTALL)
     lines = [line for block in blocks for line in block.splitlines() if line.strip()]
-    return [shlex.split(line) for line in lines]
+    return [shlex.split(line) for line in dict.fromkeys(lines)]
+
+
+def test_the_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 1200
+
+
+def test_links_lead_somewhere() -> None:
+    for page in PAGES:
+        for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / target).exists(), f"{page.name} links to {target}"
 
 
 def test_the_readme_has_commands() -> None:

@@ -68,6 +68,7 @@ def sds_gradient(
     cond: Float32[np.ndarray, "b l d"],
     uncond: Float32[np.ndarray, "l d"],
     guidance_scale: float,
+    *,
     clean_clamp: float | Float[np.ndarray, " c"] = 0.0,
     signal_power: float = LATENT_NERF_POWER,
     opposed: Opposed | None = None,

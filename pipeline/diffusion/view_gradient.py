@@ -138,11 +138,11 @@ def distil_rows(
         view_embeddings(embeddings, options, batch),
         embeddings.uncond,
         batch.guidance_scale,
-        options.predicted_clean_clamp,
-        options.signal_power,
-        opposed,
-        options.guidance_rescale,
-        batch.gradient_clip,
+        clean_clamp=options.predicted_clean_clamp,
+        signal_power=options.signal_power,
+        opposed=opposed,
+        rescale=options.guidance_rescale,
+        gradient_clip=batch.gradient_clip,
     )
 
 

@@ -58,6 +58,7 @@ def bake_texture(
     views: Sequence[Float[np.ndarray, "p p 3"]],
     size: int,
     margin: float,
+    *,
     power: float = POWER,
     two_sided: bool = False,
 ) -> tuple[Float[np.ndarray, "s s 3"], dict[str, Any]]:

@@ -138,6 +138,7 @@ class _Buffer:
         return len(self.accessors) - 1
 
     def description(self) -> dict[str, Any]:
+        """Return what the JSON chunk says of the binary one."""
         return {
             "accessors": self.accessors,
             "bufferViews": self.views,

@@ -27,10 +27,12 @@ class Topology(NamedTuple):
 
     @property
     def manifold(self) -> bool:
+        """Whether every edge and vertex has one sheet of surface around it."""
         return self.non_manifold_edges == 0 and self.non_manifold_vertices == 0
 
     @property
     def closed(self) -> bool:
+        """Whether no edge is a boundary."""
         return self.boundary_edges == 0
 
 

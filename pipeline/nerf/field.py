@@ -210,6 +210,7 @@ class _Attach(torch.autograd.Function):
     def forward(
         ctx: Any, field: LatentField, segments: list[Segment], *parameters: Tensor
     ) -> tuple[Tensor, Tensor]:
+        """Return the densities (n,) and latents (n, 4) of all segments, one after the other."""
         ctx.field, ctx.segments = field, segments
         if not segments:
             return torch.zeros(0), torch.zeros(0, LATENT_CHANNELS)
@@ -217,6 +218,7 @@ class _Attach(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *output_gradients: Tensor) -> tuple[Tensor | None, ...]:
+        """Return the gradients by the parameters."""
         density_gradient, latent_gradient = output_gradients
         field: LatentField = ctx.field
         gradients = {name: torch.zeros_like(p) for name, p in field.named_parameters()}

@@ -238,6 +238,7 @@ class _Composite(torch.autograd.Function):
     def forward(
         ctx: Any, density: Tensor, latents: Tensor, samples: Samples, rows: np.ndarray, log_stop: float
     ) -> tuple[Tensor, Tensor, Tensor]:
+        """Return latents, log transmittance and depth of each ray; see `kernels.march.composite`."""
         count = len(samples.offsets) - 1
         pixels = np.empty((count, latents.shape[1]), np.float32)
         depth, log_transmittance = np.empty((2, count), np.float32)
@@ -257,6 +258,7 @@ class _Composite(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        """Return the gradients by density and latents of the samples."""
         density, latents, *_ = ctx.inputs
         results = (np.zeros_like(density), np.zeros_like(latents))
         given = [g.contiguous().numpy() for g in gradients]

@@ -66,6 +66,7 @@ class _Loader(yaml.SafeLoader):
     """YAML without tags that execute, and with each key once: of two sections one would be lost."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Build a mapping; a key said twice is an error."""
         seen = set[str]()
         for key, _ in node.value:
             name = str(key.value)

@@ -112,6 +112,7 @@ def key(options: dict[str, Any], module: str, inputs: dict[str, str]) -> str:
 
 
 def entry_path(run: Path, stage: str) -> Path:
+    """Return the file of a stage's entry."""
     return run / "stages" / f"{stage}.json"
 
 

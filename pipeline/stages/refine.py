@@ -1,8 +1,7 @@
 """Stage `refine`: RGB refinement. The trained latent field becomes an RGB field and is trained on.
 
 First it is fitted to what the decoder makes of the latent scene, then it is distilled: the linear layer alone
-gives blurred colours, and distillation would spend its steps on what the decoder knows already. Reads the
-latent scene, what `train_nerf` reads, and the autoencoder; writes the RGB scene and the history of its steps.
+gives blurred colours, and distillation would spend its steps on what the decoder knows already.
 """
 
 from __future__ import annotations
@@ -88,6 +87,7 @@ def rgb_preview(scene: Scene, cameras: list[Camera], size: int) -> Float[np.ndar
 
 
 def main(context: Context) -> None:
+    """Reads the latent scene, what `train_nerf` reads, and the autoencoder; writes the RGB scene and its history."""
     job, inputs = context.job, context.inputs
     bundle = open_bundle(inputs["unet"].parent, verify=False)
     require_encoder(bundle, inputs)

@@ -1,8 +1,7 @@
 """Stage `refine_paint`: RGB refinement of a painted mesh. The baked colours are trained on, in RGB.
 
 What is trained is the change of the colours, at most as fine as the views show it; the baked texture keeps
-its own detail beneath. The geometry is given, so there is nothing to fit first. Reads the mesh, its baked
-colours, the embeddings and the networks; writes refined colours and the history of its steps.
+its own detail beneath. The geometry is given, so there is nothing to fit first.
 
 Letters: s texels along a side of the baked texture, n colours that some view reads.
 """
@@ -77,6 +76,7 @@ def with_change(
 
 
 def main(context: Context) -> None:
+    """Reads the mesh, its colours, the embeddings and the networks; writes the colours and their history."""
     job, inputs = context.job, context.inputs
     bundle = open_bundle(inputs["unet"].parent, verify=False)
     require_encoder(bundle, inputs)

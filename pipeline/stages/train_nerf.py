@@ -1,8 +1,4 @@
-"""Stage `train_nerf`: distil what the denoiser knows of the prompt into a latent scene.
-
-Reads the embeddings, the denoiser, its schedule and, with SKETCH, the tabulated sketch; writes the scene and
-the history of its steps. Checkpoints and a preview lie in the scratch folder meanwhile.
-"""
+"""Stage `train_nerf`: distil what the denoiser knows of the prompt into a latent scene."""
 
 import json
 
@@ -27,6 +23,7 @@ from pipeline.training.nan_report import explained
 
 
 def main(context: Context) -> None:
+    """Reads the embeddings, the denoiser, its schedule and the sketch; writes the scene and its history."""
     options, inputs = context.job.train_nerf, context.inputs
     bundle = open_bundle(inputs["unet"].parent, verify=False)
     embeddings = load_embeddings(inputs["embeddings"])

@@ -1,8 +1,4 @@
-"""Stage `train_paint`: distil what the denoiser knows of the prompt into the colours of a given mesh.
-
-Reads the mesh, the embeddings, the denoiser and its schedule; writes the painted latents and the history of
-its steps. Checkpoints and a preview lie in the scratch folder meanwhile.
-"""
+"""Stage `train_paint`: distil what the denoiser knows of the prompt into the colours of a given mesh."""
 
 from __future__ import annotations
 
@@ -29,6 +25,7 @@ from pipeline.training.nan_report import explained
 
 
 def main(context: Context) -> None:
+    """Reads the mesh, the embeddings, the denoiser and its schedule; writes the latents and their history."""
     options, inputs, seed = context.job.train_paint, context.inputs, context.job.seed
     bundle = open_bundle(inputs["unet"].parent, verify=False)
     embeddings = load_embeddings(inputs["embeddings"])

@@ -37,9 +37,13 @@ class StepMetrics(Protocol):
     """What a step tells of itself: a NamedTuple with these and more."""
 
     @property
-    def gradient_norm(self) -> float: ...
+    def gradient_norm(self) -> float:
+        """See the metrics of a step."""
+
     @property
-    def seconds(self) -> dict[str, float]: ...
+    def seconds(self) -> dict[str, float]:
+        """By part of the step."""
+
     def _asdict(self) -> dict[str, Any]: ...
 
 
@@ -47,11 +51,16 @@ class Pace(Protocol):
     """How many steps, and how often they are kept and shown: a section of options."""
 
     @property
-    def steps(self) -> int: ...
+    def steps(self) -> int:
+        """Of the run in all."""
+
     @property
-    def checkpoint_every(self) -> int: ...
+    def checkpoint_every(self) -> int:
+        """Steps."""
+
     @property
-    def preview_every(self) -> int: ...
+    def preview_every(self) -> int:
+        """Steps."""
 
 
 S = TypeVar("S", bound=Trained)

@@ -1,10 +1,10 @@
-"""The README shows the tables that the benchmarks wrote."""
+"""The pages of docs/ show the tables that the benchmarks wrote."""
 
 from pathlib import Path
 
 import pytest
 
-from benchmarks.__main__ import README, RESULTS, include
+from benchmarks.__main__ import DOCS, RESULTS, include
 
 MARKED = (
     "before\n<!-- bench skip -->\n\nold\n\n<!-- end -->\nafter\n<!-- bench other -->\n\nx\n\n<!-- end -->\n"
@@ -23,12 +23,13 @@ def test_a_table_replaces_the_former_one_and_nothing_else(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     "name", ["denoiser", "oracle", "oracle-choices", "field", "skip", "guidance", "refine"]
 )
-def test_the_readme_has_the_newest_table(name: str, tmp_path: Path) -> None:
+def test_the_page_has_the_newest_table(name: str, tmp_path: Path) -> None:
     table = RESULTS / f"{name}.md"
     if not table.is_file():
         pytest.skip(f"{name} has not been run")
     page = tmp_path / "page.md"
-    page.write_bytes(README.read_bytes())
+    shown = DOCS / "benchmarks.md"
+    page.write_bytes(shown.read_bytes())
     include(page, name, table.read_text(encoding="utf-8"))
-    assert page.read_text(encoding="utf-8") == README.read_text(encoding="utf-8")
+    assert page.read_text(encoding="utf-8") == shown.read_text(encoding="utf-8")
     assert f"<!-- bench {name} -->" in page.read_text(encoding="utf-8")
