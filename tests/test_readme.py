@@ -1,4 +1,4 @@
-"""Every command of the README and of the pages that it leads to is one that the program takes; the README is short."""
+"""Every command of the README and of the pages that it leads to is one that the program takes."""
 
 import re
 import shlex

@@ -21,7 +21,7 @@ PIXELS_PER_LATENT = 2
 
 
 def main(context: Context) -> None:
-    """Reads the mesh with texture coordinates, the scene, and (of a latent one) the decoder; writes the texture."""
+    """Read the mesh with its coordinates, the scene and, of a latent one, the decoder; write the texture."""
     options = context.job.bake
     mesh = read_obj(context.inputs["mesh"])
     scene = load_scene(context.inputs["scene"])

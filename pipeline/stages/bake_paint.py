@@ -17,7 +17,7 @@ from pipeline.run.stage import Context, Progress, execute
 
 
 def main(context: Context) -> None:
-    """Reads the mesh, its painted latents and the decoder; writes the texture, or a strip of the faces' colours."""
+    """Read the mesh, its painted latents and the decoder; write the texture, or the faces' colours."""
     options = context.job.bake_paint
     painted = load_painted(context.inputs["painted"])
     mesh = load_paint_mesh(context.inputs["mesh"]).scaled(painted.mesh_radius)

@@ -204,7 +204,7 @@ def orient_outwards(mesh: Mesh) -> Mesh:
 
 
 def main(context: Context) -> None:
-    """Reads the raw mesh; writes the clean one."""
+    """Read the raw mesh; write the clean one."""
     options = context.job.clean
     raw = read_ply(context.inputs["mesh"])
     mesh, steps = clean_mesh(raw, options.faces, options.smoothing, options.min_component)

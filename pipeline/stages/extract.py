@@ -202,7 +202,7 @@ def _most_thresholds(smoothing: float) -> int:
 
 
 def main(context: Context) -> None:
-    """Reads the scene; writes its raw mesh."""
+    """Read the scene; write its raw mesh."""
     options = context.job.extract
     scene = load_scene(context.inputs["scene"])
     cameras = comparison_cameras(options.views)

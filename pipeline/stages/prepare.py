@@ -35,7 +35,7 @@ def _coordinates(mesh: Mesh, options: Prepare, warnings: list[str]) -> tuple[Mes
 
 
 def main(context: Context) -> None:
-    """Reads the file that the user gave; writes the mesh as it is and as cameras see it, with coordinates."""
+    """Read the file that the user gave; write the mesh as it is and as cameras see it, with coordinates."""
     options = context.job.prepare
     given = read_mesh(context.inputs["mesh"])
     if len(given.faces) > MANY_FACES and context.job.param == "texture":

@@ -17,7 +17,7 @@ OBJECT_NAME = "asset"
 
 
 def main(context: Context) -> None:
-    """Reads the mesh and its texture; writes the asset (GLB, OBJ, MTL, PNG) and the pictures of it."""
+    """Read the mesh and its texture; write the asset (GLB, OBJ, MTL, PNG) and the pictures of it."""
     options = context.job.publish
     outputs = context.outputs
     mesh = read_obj(context.inputs["mesh"])

@@ -16,7 +16,7 @@ from pipeline.run.stage import Context, Progress, execute
 
 
 def main(context: Context) -> None:
-    """Reads the mesh and its colours; writes the asset (GLB, OBJ, MTL, PNG) and the pictures of it."""
+    """Read the mesh and its colours; write the asset (GLB, OBJ, MTL, PNG) and the pictures of it."""
     options = context.job.publish
     outputs = context.outputs
     mesh = load_paint_mesh(context.inputs["mesh"])

@@ -87,7 +87,7 @@ def rgb_preview(scene: Scene, cameras: list[Camera], size: int) -> Float[np.ndar
 
 
 def main(context: Context) -> None:
-    """Reads the latent scene, what `train_nerf` reads, and the autoencoder; writes the RGB scene and its history."""
+    """Read the latent scene, what `train_nerf` reads, the autoencoder; write the RGB scene, its history."""
     job, inputs = context.job, context.inputs
     bundle = open_bundle(inputs["unet"].parent, verify=False)
     require_encoder(bundle, inputs)

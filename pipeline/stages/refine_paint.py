@@ -76,7 +76,7 @@ def with_change(
 
 
 def main(context: Context) -> None:
-    """Reads the mesh, its colours, the embeddings and the networks; writes the colours and their history."""
+    """Read the mesh, its colours, the embeddings and the networks; write the colours and their history."""
     job, inputs = context.job, context.inputs
     bundle = open_bundle(inputs["unet"].parent, verify=False)
     require_encoder(bundle, inputs)

@@ -43,7 +43,7 @@ def make_manifest(
 
 
 def main(context: Context) -> None:
-    """Reads the entries of all stages; writes the page and the manifest."""
+    """Read the entries of all stages; write the page and the manifest."""
     inputs, outputs = context.inputs, context.outputs
     preview, turntable = inputs["preview"], inputs["turntable"]
     paths = {name: path for name, path in inputs.items() if path.suffix == ".json"}

@@ -42,7 +42,7 @@ def read_sketch(path: Path, thickness: float) -> Mesh:
 
 
 def main(context: Context) -> None:
-    """Reads the mesh or drawing that the user gave; writes its lattice and the solid as a mesh."""
+    """Read the mesh or drawing that the user gave; write its lattice and the solid as a mesh."""
     options, path = context.job.sketch_field, context.inputs["sketch"]
     mesh = read_sketch(path, options.thickness)
     used = np.unique(mesh.faces)

@@ -23,7 +23,7 @@ from pipeline.training.nan_report import explained
 
 
 def main(context: Context) -> None:
-    """Reads the embeddings, the denoiser, its schedule and the sketch; writes the scene and its history."""
+    """Read the embeddings, the denoiser, its schedule and the sketch; write the scene and its history."""
     options, inputs = context.job.train_nerf, context.inputs
     bundle = open_bundle(inputs["unet"].parent, verify=False)
     embeddings = load_embeddings(inputs["embeddings"])

@@ -25,7 +25,7 @@ from pipeline.training.nan_report import explained
 
 
 def main(context: Context) -> None:
-    """Reads the mesh, the embeddings, the denoiser and its schedule; writes the latents and their history."""
+    """Read the mesh, the embeddings, the denoiser and its schedule; write the latents and their history."""
     options, inputs, seed = context.job.train_paint, context.inputs, context.job.seed
     bundle = open_bundle(inputs["unet"].parent, verify=False)
     embeddings = load_embeddings(inputs["embeddings"])

@@ -6,7 +6,7 @@ from pipeline.run.stage import Context, execute
 
 
 def main(context: Context) -> None:
-    """Reads the clean mesh; writes it with texture coordinates."""
+    """Read the clean mesh; write it with texture coordinates."""
     options = context.job.unwrap
     mesh, figures = unwrap_mesh(read_ply(context.inputs["mesh"]), options.resolution, options.padding)
     context.metrics.update(figures)

@@ -24,23 +24,24 @@ from export.everyday_objects.networks.judge import (
     shrink,
     side_of,
 )
-from export.everyday_objects.train import train_judge
+from export.everyday_objects.train import judge_pictures, train_judge
+from export.everyday_objects.train.augment import sharpen, shift_hues
 from export.everyday_objects.train.failures import lump, melt, scatter
-from export.everyday_objects.train.train_judge import (
-    FAILURES,
-    JUDGE,
+from export.everyday_objects.train.judge_pictures import (
     Labels,
     Pool,
     colour_label,
     distilled,
     draw_pool,
-    head_loss,
-    held_out_figures,
     labels_of,
     material_label,
+)
+from export.everyday_objects.train.train_judge import (
+    FAILURES,
+    JUDGE,
+    head_loss,
+    held_out_figures,
     read_failed,
-    sharpen,
-    shift_hues,
     spoil,
     train,
 )
@@ -157,7 +158,7 @@ def save_autoencoder(folder) -> tuple[Encoder, Decoder]:
 def test_the_pool_is_drawn_once_and_shows_what_its_rows_say(tmp_path, monkeypatch) -> None:
     save_autoencoder(tmp_path)
     monkeypatch.setattr("os.cpu_count", lambda: 1)
-    monkeypatch.setattr(train_judge, "_BLOCK", 3)
+    monkeypatch.setattr(judge_pictures, "_BLOCK", 3)
     pool = draw_pool(tmp_path, "held_out", 10)
     assert pool.images.shape == (10, 128, 128, 3)
     assert len(pool.rows) == 10

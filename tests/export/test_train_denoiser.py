@@ -8,8 +8,7 @@ import pytest
 import torch
 
 from export.everyday_objects.train import train_denoiser
-from export.everyday_objects.train.muon import Muon, orthogonal
-from export.everyday_objects.train.train_denoiser import (
+from export.everyday_objects.train.batches import (
     TIMESTEPS,
     VIEWS,
     camera_rows,
@@ -17,8 +16,9 @@ from export.everyday_objects.train.train_denoiser import (
     draw_timesteps,
     load_objects,
     shard_numbers,
-    train,
 )
+from export.everyday_objects.train.muon import Muon, orthogonal
+from export.everyday_objects.train.train_denoiser import train
 
 SMALL = {"channels": (16, 24, 32), "heads": (0, 2, 2), "embedding": 32}
 

@@ -24,7 +24,8 @@ from export.everyday_objects.data.shapes import RADIUS
 from export.everyday_objects.networks.autoencoder import FACTOR, LATENT_CHANNELS, Decoder, Encoder
 from export.everyday_objects.networks.denoiser import CAMERA, Denoiser
 from export.everyday_objects.networks.text_encoder import MAX_TOKENS, WIDTH, TextEncoder
-from export.everyday_objects.train.train_denoiser import BETAS, TIMESTEPS
+from export.everyday_objects.train.batches import TIMESTEPS
+from export.everyday_objects.train.loss import BETAS
 from export.graph import export_graph
 from pipeline.diffusion.tokenizer import load_tokenizer
 

@@ -28,10 +28,11 @@ from export.everyday_objects.networks.autoencoder import Encoder
 from export.everyday_objects.networks.denoiser import Denoiser
 from export.everyday_objects.networks.text_encoder import WIDTH, TextEncoder
 from export.everyday_objects.train.backdrops import coverage
+from export.everyday_objects.train.batches import camera_rows, draw_timesteps
 from export.everyday_objects.train.export_bundle import NAME
+from export.everyday_objects.train.loss import alphas_cumprod
 from export.everyday_objects.train.restore import Networks, restore_networks
 from export.everyday_objects.train.train_autoencoder import to_batch
-from export.everyday_objects.train.train_denoiser import alphas_cumprod, camera_rows, draw_timesteps
 from pipeline.diffusion.prompts import view_table
 from pipeline.diffusion.tokenizer import ClipTokenizer, load_tokenizer
 from pipeline.diffusion.tokens import LearnedToken, TokenTable, insert_tokens

@@ -17,7 +17,8 @@ import torch
 from PIL import Image
 
 from export.everyday_objects.networks.autoencoder import Decoder
-from export.everyday_objects.train.train_denoiser import BETAS, TIMESTEPS, Model
+from export.everyday_objects.train.batches import TIMESTEPS
+from export.everyday_objects.train.loss import BETAS, Model
 from pipeline.diffusion import sessions
 from pipeline.diffusion.bundle import open_bundle
 from pipeline.diffusion.prompts import view_words
