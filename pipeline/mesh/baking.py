@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import distance_transform_edt
 
 from pipeline.cameras import Camera, ring, sphere
 from pipeline.errors import InputError
+from pipeline.mesh.fill import continue_nearest
 from pipeline.mesh.mesh import Mesh
 from pipeline.mesh.rasterize import rasterize
 from pipeline.mesh.silhouettes import POLAR_RANGE
@@ -48,8 +48,8 @@ def extend_foreground(
     if not mask.any():
         return latents
     solid = latents / np.maximum(opacity, 0.05)
-    _, (row, column) = distance_transform_edt(~mask, return_indices=True)
-    return np.ascontiguousarray(solid[:, row, column], np.float32)
+    extended = continue_nearest(solid.transpose(1, 2, 0), mask).transpose(2, 0, 1)
+    return np.ascontiguousarray(extended, np.float32)
 
 
 def bake_texture(
@@ -62,7 +62,7 @@ def bake_texture(
     power: float = POWER,
     two_sided: bool = False,
 ) -> tuple[Float[np.ndarray, "s s 3"], dict[str, Any]]:
-    """Return the texture that `views` of an unwrapped mesh show, and its figures.
+    """Return the texture that `views` of an unwrapped mesh show, and its metrics.
 
     Args:
         views: pictures by `cameras`, colours in [0, 1].
@@ -70,7 +70,7 @@ def bake_texture(
         margin: width of the zone along outlines where a view is believed less [pixels of a view].
         power, two_sided: see `project_view`.
 
-    Figures: `texel_coverage`, the share of the mesh's texels some view saw, and `psnr` [dB] of the textured
+    Metrics: `texel_coverage`, the share of the mesh's texels some view saw, and `psnr` [dB] of the textured
     mesh against the views inside its silhouette, `psnr_worst` of the worst view. Raises InputError if no view
     sees the mesh.
     """

@@ -44,15 +44,15 @@ def uv_fault(mesh: Mesh, resolution: int) -> str:
 
 
 def make_coordinates(mesh: Mesh, resolution: int, padding: int, rewrap: bool) -> tuple[Mesh, dict[str, Any]]:
-    """Return the mesh with usable texture coordinates, and figures: `uv` says whose they are, and
+    """Return the mesh with usable texture coordinates, and metrics: `uv` says whose they are, and
     `uv_reason` why not the file's."""
     fault = "asked for" if rewrap else uv_fault(mesh, resolution)
     if not fault:
         assert mesh.uv is not None
         kept = mesh._replace(uv=np.clip(mesh.uv, 0.0, 1.0))
         return kept, {"uv": "the file's", **uv_figures(kept, resolution)}
-    wrapped, figures = unwrap_any(mesh, resolution, padding)
-    return wrapped, {"uv": "new (xatlas)", "uv_reason": fault, **figures}
+    wrapped, metrics = unwrap_any(mesh, resolution, padding)
+    return wrapped, {"uv": "new (xatlas)", "uv_reason": fault, **metrics}
 
 
 def unwrap_any(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[str, Any]]:
@@ -62,13 +62,13 @@ def unwrap_any(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[st
     positions, welded = np.unique(mesh.vertices, axis=0, return_inverse=True)
     faces = welded.reshape(-1)[mesh.faces].astype(np.int32)
     whole = face_areas(Mesh(positions.astype(np.float32), faces)) > 1e-14
-    unwrapped, figures = unwrap_mesh(Mesh(positions, faces[whole]), resolution, padding)
+    unwrapped, metrics = unwrap_mesh(Mesh(positions, faces[whole]), resolution, padding)
     assert unwrapped.uv_faces is not None
     of_vertex = np.zeros(len(positions), np.int32)
     of_vertex[unwrapped.faces.ravel()] = unwrapped.uv_faces.ravel()
     uv_faces = of_vertex[faces]
     uv_faces[whole] = unwrapped.uv_faces
     return mesh._replace(uv=unwrapped.uv, uv_faces=uv_faces), {
-        **figures,
+        **metrics,
         "faces_without_area": int((~whole).sum()),
     }

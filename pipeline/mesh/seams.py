@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from pipeline.mesh.bilinear import sample
 from pipeline.mesh.mesh import Mesh, texture_points
 
 SAMPLES = 8
@@ -59,17 +60,3 @@ def seam_jump(seams: Seams, texture: Float[np.ndarray, "s s c"]) -> float:
     ]
     square = ((sides[0] - sides[1]) ** 2).mean(axis=(1, 2))
     return float(np.sqrt((square * seams.length).sum() / seams.length.sum()))
-
-
-def sample(
-    texture: Float[np.ndarray, "s s c"], uv: Float[np.ndarray, "*points 2"]
-) -> Float[np.ndarray, "*points c"]:
-    """Return the texture's colours at points, bilinear, clamped at its border."""
-    size = np.array(texture.shape[1::-1])
-    place = np.clip(uv * size - 0.5, 0, size - 1)
-    low = np.minimum(place.astype(np.int64), size - 1)
-    high = np.minimum(low + 1, size - 1)
-    x, y = np.moveaxis((place - low)[..., None], -2, 0)
-    top = texture[low[..., 1], low[..., 0]] * (1 - x) + texture[low[..., 1], high[..., 0]] * x
-    bottom = texture[high[..., 1], low[..., 0]] * (1 - x) + texture[high[..., 1], high[..., 0]] * x
-    return np.asarray(top * (1 - y) + bottom * y)

@@ -22,14 +22,14 @@ ROOM = 8  # charts are at least so many paddings wide, on average: narrower ones
 
 
 def unwrap_mesh(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[str, Any]]:
-    """Return the mesh with texture coordinates in [0, 1], the same vertices and faces, and figures about
+    """Return the mesh with texture coordinates in [0, 1], the same vertices and faces, and metrics about
     them.
 
     Args:
         mesh: at most some ten thousands of faces: xatlas merges charts in more than linear time.
         resolution: texture size that the charts are packed for [texels].
         padding: texels kept free around every chart at that size; less where many charts would leave little
-            but padding, and halved until the charts fit, at the least 1. `figures["padding"]` tells.
+            but padding, and halved until the charts fit, at the least 1. `metrics["padding"]` tells.
     """
     atlas = xatlas.Atlas()
     atlas.add_mesh(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))

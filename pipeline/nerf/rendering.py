@@ -219,14 +219,14 @@ def render_views(
         for first in range(0, len(cameras), at_once):
             chosen = slice(first, min(first + at_once, len(cameras)))
             rays = make_rays(cameras[chosen], size)
-            seen = render_rays(scene, rays)
+            outputs = render_rays(scene, rays)
             flat = None if background is None else np.asarray(background, np.float32)[None]
-            transmittance = seen.log_transmittance.exp()[:, None]
-            shaded = seen.latents + transmittance * background_of(scene, rays, flat)
+            transmittance = outputs.log_transmittance.exp()[:, None]
+            shaded = outputs.latents + transmittance * background_of(scene, rays, flat)
             latents[chosen] = shaded.reshape(-1, pixels, LATENT_CHANNELS).numpy()
-            hit = -torch.expm1(seen.log_transmittance)
+            hit = -torch.expm1(outputs.log_transmittance)
             opacity[chosen] = hit.reshape(-1, pixels).numpy()
-            known = torch.where(hit > _LEAST_OPACITY, seen.depth / hit.clamp(min=_LEAST_OPACITY), 0)
+            known = torch.where(hit > _LEAST_OPACITY, outputs.depth / hit.clamp(min=_LEAST_OPACITY), 0)
             depth[chosen] = known.reshape(-1, pixels).numpy()
     pictures = latents.reshape(-1, size, size, LATENT_CHANNELS).transpose(0, 3, 1, 2)
     shape = (len(cameras), size, size)

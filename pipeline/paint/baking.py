@@ -22,9 +22,9 @@ from pipeline.diffusion.decoding import decode_foreground
 from pipeline.diffusion.sessions import Decode
 from pipeline.errors import InputError
 from pipeline.mesh.baking import MARGIN, PADDING, POWER, decibels
+from pipeline.mesh.bilinear import sample
 from pipeline.mesh.mesh import Mesh
 from pipeline.mesh.rasterize import rasterize
-from pipeline.mesh.seams import sample
 from pipeline.mesh.texture import paint, project_view, render_texture, resolve, surface_texels, view_trust
 from pipeline.paint.surface_latents import Painted, face_texels
 from pipeline.paint.view_weights import view_weights
@@ -64,7 +64,7 @@ def painted_views(
 def bake_faces(
     mesh: Mesh, cameras: Sequence[Camera], views: Sequence[Float[np.ndarray, "p p 3"]], margin: float
 ) -> tuple[Float[np.ndarray, "f 3"], dict[str, Any]]:
-    """Return the colour of every face that `views` show at its centroid, and figures as `bake_texture`'s.
+    """Return the colour of every face that `views` show at its centroid, and metrics as `bake_texture`'s.
 
     Raises InputError if no view sees the mesh.
     """

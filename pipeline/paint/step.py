@@ -121,10 +121,10 @@ def paint_step(
         known = state.background.colours.numpy()
         flat = known[state.rng.integers(len(known), size=len(views))]
     batch = make_batch(pool.groups[group], flat, options, progress, noise_size or pool.resolution, state.rng)
-    behind = _behind(state.background, batch, pool.resolution)
+    backdrop = _backdrop(state.background, batch, pool.resolution)
     colours = state.colours.detach().numpy()
     latents = np.stack(
-        [view.render(colours, b) for view, b in zip(views, behind.detach().numpy(), strict=True)]
+        [view.render(colours, b) for view, b in zip(views, backdrop.detach().numpy(), strict=True)]
     )
     require_finite("rendered latents", latents, state.step)
     clock.append(time.perf_counter())
@@ -139,9 +139,9 @@ def paint_step(
     for view, by_pixel in zip(views, share, strict=True):
         total += view.gradient(by_pixel)
     state.colours.grad = torch.from_numpy(total)
-    if behind.requires_grad:
+    if backdrop.requires_grad:
         open_share = np.stack([(1 - view.covered)[..., None] for view in views])
-        behind.backward(torch.from_numpy(share.transpose(0, 2, 3, 1) * open_share))
+        backdrop.backward(torch.from_numpy(share.transpose(0, 2, 3, 1) * open_share))
     parameters = {"colours": state.colours, **dict(state.background.named_parameters("background"))}
     for name, parameter in parameters.items():
         require_steppable(name, parameter.grad, state.step)
@@ -156,7 +156,7 @@ def paint_step(
     return PaintMetrics(norm, float(np.mean([view.covered.mean() for view in views])), seconds)
 
 
-def _behind(background: Background, batch: Batch, size: int) -> torch.Tensor:
+def _backdrop(background: Background, batch: Batch, size: int) -> torch.Tensor:
     """Return what is behind the mesh, (b, h, w, 4) or, flat, (b, 1, 1, 4)."""
     if batch.backgrounds is not None:
         return torch.from_numpy(batch.backgrounds[:, None, None])

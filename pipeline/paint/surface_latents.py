@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
-from scipy.ndimage import distance_transform_edt
+from jaxtyping import Float, Int
 
 from pipeline import arrays
 from pipeline.errors import InputError
+from pipeline.mesh.fill import continue_nearest
 from pipeline.mesh.mesh import Mesh, face_normals
 from pipeline.mesh.texture import Texels, fill_unseen, surface_texels
 
@@ -40,7 +40,7 @@ def face_texels(mesh: Mesh) -> Texels:
 def complete(
     mesh: Mesh, seen: Int[np.ndarray, " n"], colours: Float[np.ndarray, "n 4"], texture: int | None
 ) -> tuple[Float[np.ndarray, "c 4"], dict[str, float]]:
-    """Return latents for every texel or face, and figures.
+    """Return latents for every texel or face, and metrics.
 
     What is on the surface but was not seen continues what is nearest on the surface; the rest of a texture
     continues the nearest texel: a decoder, or a bilinear lookup, that reaches over a chart's border then
@@ -58,15 +58,10 @@ def complete(
         )
         known[surface.place] = True
     if texture is not None:
-        latents = extend(latents.reshape(texture, texture, 4), known.reshape(texture, texture)).reshape(-1, 4)
-    figures = {"seen_share": float(on_surface.mean()), "colours": len(seen)}
-    return latents, {**figures, "unseen_colours": len(latents) - len(seen)}
-
-
-def extend(values: Float[np.ndarray, "s s c"], known: Bool[np.ndarray, "s s"]) -> Float[np.ndarray, "s s c"]:
-    """Return `values` with each unknown place continuing the nearest known one."""
-    _, (row, column) = distance_transform_edt(~known, return_indices=True)
-    return np.ascontiguousarray(values[row, column])
+        square = latents.reshape(texture, texture, 4)
+        latents = continue_nearest(square, known.reshape(texture, texture)).reshape(-1, 4)
+    metrics = {"seen_share": float(on_surface.mean()), "colours": len(seen)}
+    return latents, {**metrics, "unseen_colours": len(latents) - len(seen)}
 
 
 def save_painted(path: Path, painted: Painted) -> None:

@@ -16,6 +16,7 @@ from jaxtyping import Float
 from scipy.sparse import csr_array
 
 from pipeline.cameras import Camera
+from pipeline.mesh.bilinear import neighbours
 from pipeline.mesh.mesh import Mesh, texture_points
 from pipeline.mesh.rasterize import Fragments, rasterize
 
@@ -57,7 +58,7 @@ def view_weights(
     if texture is None:
         columns, shares = fragments.triangle[row, column][:, None], np.ones((len(row), 1))
     else:
-        columns, shares = _bilinear(_coordinates(fragments, mesh, row, column), texture)
+        columns, shares = neighbours(_coordinates(fragments, mesh, row, column), texture, texture)
     entries = (shares / supersampling**2).astype(np.float32).ravel()
     place = (np.repeat(pixel, columns.shape[1]), columns.ravel())
     count = len(mesh.faces) if texture is None else texture**2
@@ -73,17 +74,6 @@ def _coordinates(
     uv, uv_faces = texture_points(mesh)
     corners = uv.astype(np.float64)[uv_faces[fragments.triangle[row, column]]]
     return np.einsum("nk,nkc->nc", fragments.barycentric[row, column], corners)
-
-
-def _bilinear(uv: Float[np.ndarray, "n 2"], size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the four texels around every point, (n, 4), and their shares; clamped at the border."""
-    place = np.clip(uv * size - 0.5, 0, size - 1)
-    low = np.minimum(place.astype(np.int64), size - 1)
-    high = np.minimum(low + 1, size - 1)
-    x, y = (place - low).T
-    columns = np.stack([low[:, 1] * size + low[:, 0], low[:, 1] * size + high[:, 0],
-                        high[:, 1] * size + low[:, 0], high[:, 1] * size + high[:, 0]], axis=1)  # fmt: skip
-    return columns, np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y], axis=1)
 
 
 def seen_columns(views: list[ViewWeights]) -> tuple[np.ndarray, list[ViewWeights]]:

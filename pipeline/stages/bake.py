@@ -36,13 +36,13 @@ def main(context: Context) -> None:
             with vae_decoder(context.inputs["vae_decoder"], provider=context.job.provider) as decode:
                 pictures = decoded_views(scene, cameras, resolution, decode, progress.update)
     margin = MARGIN * len(pictures[0]) / resolution
-    texture, figures = bake_texture(mesh, cameras, pictures, options.texture, margin)
+    texture, metrics = bake_texture(mesh, cameras, pictures, options.texture, margin)
 
     compared = comparison_cameras(options.views)
-    seen = render_views(scene, compared, COMPARED_SIZE, np.zeros(4, np.float32))
-    opaque, _ = opacity_masks(seen.opacity)
+    views = render_views(scene, compared, COMPARED_SIZE, np.zeros(4, np.float32))
+    opaque, _ = opacity_masks(views.opacity)
     context.metrics.update(
-        **figures,
+        **metrics,
         silhouette_iou=mean_iou(silhouettes(mesh, compared, COMPARED_SIZE), opaque),
         view_resolution=resolution,
         view_pixels=len(pictures[0]),

@@ -36,10 +36,10 @@ def main(context: Context) -> None:
             margin = view_margin(len(views[0]), resolution)
             metrics.update(view_resolution=resolution, view_pixels=len(views[0]))
             if painted.texture is None:
-                texture, figures = bake_faces(mesh, cameras, views, margin)
+                texture, quality = bake_faces(mesh, cameras, views, margin)
             else:
-                texture, figures = bake_texture(mesh, cameras, views, options.texture, margin, two_sided=True)
-            metrics.update(figures)
+                texture, quality = bake_texture(mesh, cameras, views, options.texture, margin, two_sided=True)
+            metrics.update(quality)
     metrics["method"] = options.method
     if painted.texture is None:
         texture = texture[None]  # a strip, a pixel a face

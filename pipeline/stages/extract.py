@@ -210,9 +210,9 @@ def main(context: Context) -> None:
     occupied = scene.occupancy.occupied
     samples = sample_logarithm(lambda points: scene_density(scene, points), occupied, options.resolution)
     with Progress("extract", _most_thresholds(options.smoothing), "thresholds") as progress:
-        mesh, figures = choose_surface(samples, opacity, cameras, options.smoothing, progress.update)
+        mesh, metrics = choose_surface(samples, opacity, cameras, options.smoothing, progress.update)
     context.metrics.update(
-        **figures,
+        **metrics,
         vertices=len(mesh.vertices),
         faces=len(mesh.faces),
         cell=samples.cell,

@@ -20,18 +20,18 @@ PADDING = 64
 
 
 def _coordinates(mesh: Mesh, options: Prepare, warnings: list[str]) -> tuple[Mesh, dict[str, Any]]:
-    """Return the mesh with texture coordinates and figures about them; what the user should hear is added to
+    """Return the mesh with texture coordinates and metrics about them; what the user should hear is added to
     `warnings`."""
     wanted = options.resolution // PADDING
-    made, figures = make_coordinates(mesh, options.resolution, wanted, options.uv == "rewrap")
-    if "uv_reason" in figures and mesh.uv is not None:
-        warnings.append(f"the mesh got new texture coordinates; its own are not used: {figures['uv_reason']}")
-    if figures.get("padding", wanted) < wanted:
+    made, metrics = make_coordinates(mesh, options.resolution, wanted, options.uv == "rewrap")
+    if "uv_reason" in metrics and mesh.uv is not None:
+        warnings.append(f"the mesh got new texture coordinates; its own are not used: {metrics['uv_reason']}")
+    if metrics.get("padding", wanted) < wanted:
         warnings.append(
-            f"{figures['charts']} charts leave room for {figures['padding']} texels of padding instead of "
+            f"{metrics['charts']} charts leave room for {metrics['padding']} texels of padding instead of "
             f"{wanted}: colours may bleed between them; raise prepare.resolution and train_paint.texture"
         )
-    return made, figures
+    return made, metrics
 
 
 def main(context: Context) -> None:
@@ -43,7 +43,7 @@ def main(context: Context) -> None:
     unit = to_unit_ball(given, options.up, options.front)
     mesh = Mesh(unit, given.faces, given.uv, given.uv_faces)
     warnings: list[str] = context.metrics.setdefault("warnings", [])
-    figures: dict[str, Any] = {}
+    metrics: dict[str, Any] = {}
     if context.job.param == "face":
         mesh = mesh._replace(uv=None, uv_faces=None)
     else:
@@ -52,7 +52,7 @@ def main(context: Context) -> None:
                 f"the mesh got new texture coordinates; its own are not used: {given.untextured} of its "
                 f"{len(given.faces)} faces have none"
             )
-        mesh, figures = _coordinates(mesh, options, warnings)
+        mesh, metrics = _coordinates(mesh, options, warnings)
     save_paint_mesh(
         context.outputs["mesh"],
         PaintMesh(
@@ -66,7 +66,7 @@ def main(context: Context) -> None:
         parts=len(given.names),
         manifold=counts.manifold,
         watertight=counts.closed,
-        **figures,
+        **metrics,
     )
 
 

@@ -26,12 +26,12 @@ from pipeline.diffusion.refinement import (
     view_size,
 )
 from pipeline.diffusion.sessions import vae_decoder
+from pipeline.mesh.fill import continue_nearest
 from pipeline.options.nerf import Refinement
 from pipeline.options.paint import TrainPaint
 from pipeline.paint.checkpoint import decode_state, encode_state
 from pipeline.paint.given_mesh import load_paint_mesh
 from pipeline.paint.step import PaintState, make_pool, paint_optimizer
-from pipeline.paint.surface_latents import extend
 from pipeline.paint.train import train
 from pipeline.report.png import write_png
 from pipeline.run.stage import Context, execute
@@ -69,7 +69,7 @@ def with_change(
     known = np.zeros(side * side, bool)
     values = np.zeros((side * side, 3), np.float32)
     known[seen], values[seen] = True, change
-    spread = extend(values.reshape(side, side, 3), known.reshape(side, side))
+    spread = continue_nearest(values.reshape(side, side, 3), known.reshape(side, side))
     if len(albedo) != side:
         spread = cv2.resize(spread, albedo.shape[:2], interpolation=cv2.INTER_LINEAR)
     return np.clip(albedo + spread, 0, 1).astype(np.float32)

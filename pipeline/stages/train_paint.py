@@ -59,11 +59,11 @@ def main(context: Context) -> None:
         view_gradient = distillation_gradient(denoise, schedule, embeddings, options, conditions_of(bundle))
         train(state, history, options, pool, view_gradient, keep=keep, show=show)
 
-    latents, figures = complete(mesh, pool.seen, state.colours.detach().numpy(), texture)
+    latents, metrics = complete(mesh, pool.seen, state.colours.detach().numpy(), texture)
     save_painted(context.outputs["painted"], Painted(latents, texture, options.mesh_radius))
     context.outputs["history"].write_text(json.dumps(history, allow_nan=False) + "\n", encoding="utf-8")
     context.metrics.update(
-        **figures,
+        **metrics,
         warnings=warnings,
         steps=options.steps,
         resumed_at=resumed_at,

@@ -8,11 +8,11 @@ from pipeline.run.stage import Context, execute
 def main(context: Context) -> None:
     """Read the clean mesh; write it with texture coordinates."""
     options = context.job.unwrap
-    mesh, figures = unwrap_mesh(read_ply(context.inputs["mesh"]), options.resolution, options.padding)
-    context.metrics.update(figures)
-    if figures["padding"] < options.padding:
+    mesh, metrics = unwrap_mesh(read_ply(context.inputs["mesh"]), options.resolution, options.padding)
+    context.metrics.update(metrics)
+    if metrics["padding"] < options.padding:
         context.metrics["warnings"] = [
-            f"{figures['charts']} charts leave room for {figures['padding']} texels of padding instead of "
+            f"{metrics['charts']} charts leave room for {metrics['padding']} texels of padding instead of "
             f"{options.padding}: seams may show from afar; raise unwrap.resolution"
         ]
     write_obj(context.outputs["mesh"], mesh)
