@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.mesh.mesh import Mesh
 from pipeline.mesh.bilinear import sample
+from pipeline.mesh.mesh import Mesh
 from pipeline.mesh.seams import find_seams, seam_jump
 
 # Two squares side by side, the second one's vertices repeated, as glTF files have them.
