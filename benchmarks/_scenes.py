@@ -29,7 +29,7 @@ from pipeline.nerf.rendering import render_views
 from pipeline.nerf.scene import load_scene
 from pipeline.nerf.views import decoded_views
 from pipeline.options.job import Job, bundle_folder, resolve
-from pipeline.run import provenance
+from pipeline.run import staleness
 from pipeline.run.chain import stage_options
 from pipeline.run.stage import Context
 from pipeline.stages import embed, refine, train_nerf
@@ -94,7 +94,7 @@ def stage(
     bundle, done = model().path, folder / f"{name}.json"
     sources = [bundle / "bundle.json", *(given or {}).values(), *(folder / file for file in reads)]
     inputs = {str(path): file_sha256(path) for path in sources}
-    asked = provenance.key(stage_options(job, name), f"pipeline.stages.{name}", inputs)
+    asked = staleness.key(stage_options(job, name), f"pipeline.stages.{name}", inputs)
     if done.exists() and (stored := json.loads(done.read_text(encoding="utf-8"))).get("asked") == asked:
         return dict(stored["metrics"])
     graphs = {entry.name: entry for entry in bundle.iterdir() if entry.is_dir()}

@@ -41,7 +41,7 @@ from pipeline.paint import train as paint_train
 from pipeline.paint.step import initial_paint, make_pool
 from pipeline.paint.surface_latents import complete
 from pipeline.paint.view_weights import view_weights
-from pipeline.run import provenance
+from pipeline.run import staleness
 from pipeline.stages.extract import SILHOUETTE_SIZE, choose_surface, sample_logarithm
 from pipeline.training.flat_colours import flat_colours
 
@@ -208,7 +208,7 @@ def _truths() -> dict[str, Truth]:
 def _place(trial: Trial, cache: Path) -> Path:
     """Return the file of a trial's result, named after everything that it depends on."""
     stages = ("train_paint", "prepare") if trial.name == "paint" else ("train_nerf", "extract")
-    source = [provenance.code(f"pipeline.stages.{stage}")[0] for stage in stages]
+    source = [staleness.code(f"pipeline.stages.{stage}")[0] for stage in stages]
     own = [
         Path(__file__).with_name(f"_{name}.py").read_bytes().hex() for name in ("ideal", "truths", "trials")
     ]

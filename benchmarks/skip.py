@@ -43,7 +43,7 @@ from pipeline.mesh.mesh import Mesh
 from pipeline.nerf.occupancy import everywhere
 from pipeline.nerf.rendering import count_samples, make_rays, render_rays
 from pipeline.nerf.scene import Scene
-from pipeline.nerf.shape_loss import LEAST_WEIGHT, nearest_judged, shape_loss
+from pipeline.nerf.sketch_loss import LEAST_WEIGHT, nearest_judged, shape_loss
 from pipeline.nerf.step import initial_state
 from pipeline.nerf.train import train
 from pipeline.options.job import DEFAULT_MODEL, MODELS, Job, resolve

@@ -6,7 +6,9 @@ from jaxtyping import install_import_hook
 import tests.checker  # noqa: F401 (the hook looks it up by name)
 
 # Before any of them is imported. Compiled kernels take plain arrays and are left alone; a job checks itself.
-CHECKED = ["diffusion", "scene", "stages", "report", "stage", "plan", "provenance", "files"]
+CHECKED = [
+    "cameras", "diffusion", "files", "mesh", "nerf", "paint", "report", "run", "sketch", "stages", "training",
+]  # fmt: skip
 install_import_hook([f"pipeline.{name}" for name in CHECKED], "tests.checker.check")
 
 settings.register_profile("no clock", deadline=None)  # a busy machine is no fault

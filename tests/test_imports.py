@@ -11,7 +11,7 @@ from pathlib import Path
 
 from packaging.requirements import Requirement
 
-from pipeline.run.provenance import DISTRIBUTIONS, imports
+from pipeline.run.staleness import DISTRIBUTIONS, imports
 
 ROOT = Path(__file__).resolve().parents[1]
 EXPORT_ONLY = {"diffusers", "transformers"}

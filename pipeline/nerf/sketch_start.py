@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 
 from pipeline.nerf.field import LatentField
-from pipeline.nerf.shape_loss import shape_loss
+from pipeline.nerf.sketch_loss import shape_loss
 from pipeline.sketch.lattice import Sketch
 from pipeline.training.adam import Adam
 

@@ -22,7 +22,7 @@ from pipeline.nerf.convergence import pace
 from pipeline.nerf.field import FieldShape, LatentField
 from pipeline.nerf.rendering import RayOutputs, Rays, background_of, make_rays, render_rays
 from pipeline.nerf.scene import Scene, density
-from pipeline.nerf.shape_loss import shape_loss
+from pipeline.nerf.sketch_loss import shape_loss
 from pipeline.nerf.sketch_start import grow
 from pipeline.options.nerf import TrainNerf
 from pipeline.sketch.lattice import Sketch, solid_cells

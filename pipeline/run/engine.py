@@ -24,7 +24,7 @@ from pipeline.options import job as jobs
 from pipeline.options.job import Job
 from pipeline.options.schema import read_yaml
 from pipeline.progress import duration, say
-from pipeline.run import provenance
+from pipeline.run import staleness
 from pipeline.run.chain import stages_of
 from pipeline.run.costs import Cost
 from pipeline.run.estimate import available_memory_mb, estimate, machine_pace
@@ -97,7 +97,7 @@ def environment(threads: int, base: Mapping[str, str]) -> dict[str, str]:
         "NUMBA_NUM_THREADS",
         "NUMEXPR_NUM_THREADS",
     )
-    path = os.pathsep.join(filter(None, [str(provenance.ROOT), base.get("PYTHONPATH", "")]))
+    path = os.pathsep.join(filter(None, [str(staleness.ROOT), base.get("PYTHONPATH", "")]))
     return {
         **base,
         **dict.fromkeys(pools, str(threads)),

@@ -12,10 +12,10 @@ from typing import Literal
 
 from pipeline.files import path_sha256
 from pipeline.options.job import Job
-from pipeline.run import provenance
+from pipeline.run import staleness
 from pipeline.run.chain import stage_options
-from pipeline.run.provenance import Entry
 from pipeline.run.snakefiles import Link
+from pipeline.run.staleness import Entry
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ def make_plan(job: Job, run: Path, chain: list[Link]) -> list[Step]:
     for link in chain:
         module = f"pipeline.stages.{link.stage}"
         pending = {maker[path]: None for path in link.inputs.values() if path in maker and path not in known}
-        entry = provenance.read_entry(run, link.stage)
+        entry = staleness.read_entry(run, link.stage)
         if pending:
             steps.append(Step(link.stage, "run", f"after {', '.join(pending)}"))
             continue
@@ -50,15 +50,15 @@ def make_plan(job: Job, run: Path, chain: list[Link]) -> list[Step]:
             for name, path in link.inputs.items()
         }
         options = stage_options(job, link.stage)
-        key = provenance.key(options, module, hashes)
-        faults = provenance.damaged(run, entry) if entry else []
+        key = staleness.key(options, module, hashes)
+        faults = staleness.damaged(run, entry) if entry else []
         if entry and entry["key"] == key and not faults:
             steps.append(Step(link.stage, "unchanged", ""))
-            made = provenance.entry_path(run, link.stage)
+            made = staleness.entry_path(run, link.stage)
             known[f"stages/{link.stage}.json"] = path_sha256(made)
-        elif sibling := provenance.twin(run, link.stage, key):
+        elif sibling := staleness.twin(run, link.stage, key):
             steps.append(Step(link.stage, "reuse", f"from {sibling.name}"))
-            entry = provenance.read_entry(sibling, link.stage)
+            entry = staleness.read_entry(sibling, link.stage)
         else:
             reason = _difference(entry, key, options, module, hashes, faults)
             steps.append(Step(link.stage, "run", reason + _checkpoint(run, link.stage, key)))
@@ -86,7 +86,7 @@ def _difference(
         return "not made yet"
     if entry["key"] == key:
         return ", ".join(faults)
-    source, versions = provenance.code(module)
+    source, versions = staleness.code(module)
     reasons = []
     if entry.get("options") != options:
         reasons.append("options changed")

@@ -5,7 +5,7 @@ A stage is run in the run's folder as
 Its module holds pure functions and a thin ``main(context)``, and ends with ``execute("<name>", main)``.
 Outputs appear in place only when main has returned, and the entry ``stages/<name>.json`` last of all, so a
 kill at any point leaves either the old state or the new one. A stage whose key (see
-`pipeline.run.provenance`) is that of its entry, or of a sibling run's, does not run again.
+`pipeline.run.staleness`) is that of its entry, or of a sibling run's, does not run again.
 """
 
 import argparse
@@ -30,7 +30,7 @@ from pipeline.options import job as jobs
 from pipeline.options.job import Job
 from pipeline.progress import Progress as Progress
 from pipeline.progress import say as say
-from pipeline.run import provenance
+from pipeline.run import staleness
 from pipeline.run.chain import stage_options
 
 USER_ERROR = 2
@@ -103,13 +103,13 @@ def _run(name: str, main: Callable[[Context], None], run: Path, arguments: argpa
         if not path.exists():
             raise InputError(f"stage {name} needs {path} ({label}), which does not exist")
         hashes[label] = files.path_sha256(path)
-    key = provenance.key(options, f"pipeline.stages.{name}", hashes)
-    entry = provenance.read_entry(run, name)
-    if entry and entry["key"] == key and not provenance.damaged(run, entry):
+    key = staleness.key(options, f"pipeline.stages.{name}", hashes)
+    entry = staleness.read_entry(run, name)
+    if entry and entry["key"] == key and not staleness.damaged(run, entry):
         _touch(run, name, outputs)
         say(f"{name}: unchanged")
         return
-    if sibling := provenance.twin(run, name, key):
+    if sibling := staleness.twin(run, name, key):
         _copy(name, run, sibling)
         say(f"{name}: reused from {sibling.name}")
         return
@@ -131,7 +131,7 @@ def _run(name: str, main: Callable[[Context], None], run: Path, arguments: argpa
         if not path.is_file() or path.stat().st_size == 0:
             raise RuntimeError(f"stage {name} wrote no {label} ({outputs[label]})")
     seconds = time.monotonic() - began
-    source, versions = provenance.code(f"pipeline.stages.{name}")
+    source, versions = staleness.code(f"pipeline.stages.{name}")
     entry = {
         "stage": name,
         "key": key,
@@ -151,7 +151,7 @@ def _run(name: str, main: Callable[[Context], None], run: Path, arguments: argpa
     }
     text = json.dumps(entry, indent=1, allow_nan=False)
     files.publish([(context.outputs[label], run / path) for label, path in outputs.items()])
-    files.write_text(provenance.entry_path(run, name), text + "\n")
+    files.write_text(staleness.entry_path(run, name), text + "\n")
     shutil.rmtree(partial)
     shutil.rmtree(context.scratch, ignore_errors=True)
     say(f"{name}: {progress.duration(seconds)}")
@@ -161,7 +161,7 @@ def _run(name: str, main: Callable[[Context], None], run: Path, arguments: argpa
 
 def _copy(name: str, run: Path, sibling: Path) -> None:
     """Take a sibling run's outputs and entry."""
-    entry = provenance.read_entry(sibling, name)
+    entry = staleness.read_entry(sibling, name)
     assert entry is not None
     partial = run / f".partial-{name}"
     partial.mkdir(exist_ok=True)
@@ -171,7 +171,7 @@ def _copy(name: str, run: Path, sibling: Path) -> None:
         pairs.append((partial / label, run / output["path"]))
     files.publish(pairs)
     files.write_text(
-        provenance.entry_path(run, name), json.dumps({**entry, "reused_from": sibling.name}, indent=1) + "\n"
+        staleness.entry_path(run, name), json.dumps({**entry, "reused_from": sibling.name}, indent=1) + "\n"
     )
     shutil.rmtree(partial)
     for warning in entry["metrics"].get("warnings", ()):
@@ -180,7 +180,7 @@ def _copy(name: str, run: Path, sibling: Path) -> None:
 
 def _touch(run: Path, name: str, outputs: dict[str, Path]) -> None:
     """Make outputs newer than the inputs, which is how Snakemake judges them."""
-    for path in [*(run / path for path in outputs.values()), provenance.entry_path(run, name)]:
+    for path in [*(run / path for path in outputs.values()), staleness.entry_path(run, name)]:
         os.utime(path)
 
 

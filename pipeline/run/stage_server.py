@@ -136,7 +136,7 @@ def _import(module: str) -> None:
     with contextlib.suppress(Exception):  # the stage itself will say what is wrong
         importlib.import_module(module)
         if module.startswith("pipeline."):
-            importlib.import_module("pipeline.run.provenance").code(module)
+            importlib.import_module("pipeline.run.staleness").code(module)
     if "numba" in sys.modules:  # half a second that its first call of a kernel would take
         sys.modules["numba.core.registry"].cpu_target.target_context.refresh()
 

@@ -7,8 +7,8 @@ from PIL import Image
 
 from pipeline.mesh.gltf import glb_bytes
 from pipeline.mesh.mesh import material_text
+from pipeline.paint.asset_parts import float32_place, painted_obj, painted_parts
 from pipeline.paint.given_mesh import load_paint_mesh
-from pipeline.paint.write_back import float32_place, painted_obj, painted_parts
 from pipeline.report.png import write_png
 from pipeline.report.preview import albedo_shade, face_shade, preview
 from pipeline.report.turntable import write_turntable

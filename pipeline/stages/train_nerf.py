@@ -10,7 +10,7 @@ from pipeline.diffusion.view_gradient import distillation_gradient, flat_backgro
 from pipeline.nerf.checkpoint import decode_state, encode_state
 from pipeline.nerf.rendering import count_samples, render_views
 from pipeline.nerf.scene import save_scene
-from pipeline.nerf.shape_loss import unjudged_share
+from pipeline.nerf.sketch_loss import unjudged_share
 from pipeline.nerf.step import State, initial_state
 from pipeline.nerf.train import collapse, metrics_of, preview_cameras, train
 from pipeline.report.latents import latent_preview

@@ -8,7 +8,7 @@ from pipeline.options.nerf import Refinement
 from pipeline.options.schema import snake
 from pipeline.run import costs
 from pipeline.run.chain import PAINT, REPORT, STAGES, TEXT, stage_options, stages_of
-from pipeline.run.provenance import ROOT
+from pipeline.run.staleness import ROOT
 
 
 def test_every_stage_has_a_file_a_rule_and_a_cost() -> None:

@@ -9,7 +9,7 @@ from pipeline.files import file_sha256
 from pipeline.options.asset import Bake, Clean, Extract
 from pipeline.options.job import Job
 from pipeline.options.nerf import Refinement, SketchField, TrainNerf
-from pipeline.run import provenance
+from pipeline.run import staleness
 from pipeline.run.chain import STAGES, stage_options, stages_of
 from pipeline.run.estimate import estimate, machine_pace
 from pipeline.run.plan import make_plan
@@ -32,16 +32,16 @@ def make(run: Path, link: Link, job: Job = JOB) -> None:
     inputs = {name: {"path": path, "sha256": file_sha256(run / path)} for name, path in link.inputs.items()}
     options = stage_options(job, link.stage)
     module = f"pipeline.stages.{link.stage}"
-    source, versions = provenance.code(module)
+    source, versions = staleness.code(module)
     entry = {
-        "key": provenance.key(options, module, {name: value["sha256"] for name, value in inputs.items()}),
+        "key": staleness.key(options, module, {name: value["sha256"] for name, value in inputs.items()}),
         "options": options,
         "inputs": inputs,
         "outputs": {n: {"path": path, "sha256": file_sha256(run / path)} for n, path in link.outputs.items()},
         "source": source,
         "versions": versions,
     }
-    provenance.entry_path(run, link.stage).write_text(json.dumps(entry))
+    staleness.entry_path(run, link.stage).write_text(json.dumps(entry))
 
 
 @pytest.fixture
@@ -85,7 +85,7 @@ def test_reasons(run: Path) -> None:
 
 
 def test_source_and_versions_are_reasons(run: Path) -> None:
-    path = provenance.entry_path(run, "clean")
+    path = staleness.entry_path(run, "clean")
     entry = json.loads(path.read_text())
     path.write_text(json.dumps({**entry, "key": "other", "source": "other"}))
     assert verdicts(run)[1] == ("run", "source changed")

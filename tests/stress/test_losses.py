@@ -7,7 +7,7 @@ import trimesh
 
 from pipeline.nerf import occupancy
 from pipeline.nerf.field import FieldShape, LatentField
-from pipeline.nerf.shape_loss import LENGTH, nearest_judged, shape_loss
+from pipeline.nerf.sketch_loss import LENGTH, nearest_judged, shape_loss
 from pipeline.nerf.step import binary_entropy, initial_state, unseen_thickness
 from pipeline.options.nerf import TrainNerf
 from pipeline.sketch.lattice import Sketch, look_up

@@ -6,7 +6,7 @@ import torch
 import trimesh
 
 from pipeline.nerf.scene import density as scene_density
-from pipeline.nerf.shape_loss import LEAST_WEIGHT, LENGTH, nearest_judged, shape_loss, unjudged_share
+from pipeline.nerf.sketch_loss import LEAST_WEIGHT, LENGTH, nearest_judged, shape_loss, unjudged_share
 from pipeline.nerf.step import initial_state, training_step
 from pipeline.options.nerf import TrainNerf
 from pipeline.sketch.lattice import Sketch, look_up, solid_cells, volume_iou

@@ -10,8 +10,8 @@ from PIL import Image
 
 from pipeline.mesh.gltf import glb_bytes
 from pipeline.mesh.readers import read_mesh
+from pipeline.paint.asset_parts import float32_place, linear_light, painted_obj, painted_parts
 from pipeline.paint.given_mesh import PaintMesh
-from pipeline.paint.write_back import float32_place, linear_light, painted_obj, painted_parts
 
 
 def two_parts(scale: float = 1.0, offset: float = 0.0) -> PaintMesh:

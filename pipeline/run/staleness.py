@@ -1,4 +1,4 @@
-"""Why a file is as it is: the key of a stage, and the entry that records how its outputs were made.
+"""Whether a stage has to run again: its key, and the entry that records how its outputs were made.
 
 The key is a hash of everything that a stage's outputs depend on: its options, its source files (the modules
 it imports, transitively), the versions of the packages these import, and the contents of its inputs.

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.files import file_sha256, path_sha256
-from pipeline.run import provenance
+from pipeline.run import staleness
 from pipeline.run.chain import STAGES
 
 
@@ -32,15 +32,15 @@ def package(tmp_path: Path) -> Path:
 
 
 def test_the_closure_holds_every_module_that_is_imported(package: Path) -> None:
-    files, packages = provenance.sources("p.a", package)
+    files, packages = staleness.sources("p.a", package)
     names = {path.relative_to(package).as_posix() for path in files}
     assert names == {"p/__init__.py", "p/a.py", "p/b.py", "p/sub/__init__.py", "p/sub/c.py", "p/sub/d.py"}
     assert packages == {"numpy"}
 
 
 def code_hash(root: Path) -> str:
-    provenance.code.cache_clear()
-    return provenance.code("p.a", root)[0]
+    staleness.code.cache_clear()
+    return staleness.code("p.a", root)[0]
 
 
 def test_the_code_hash_follows_the_closure_only(package: Path) -> None:
@@ -56,11 +56,11 @@ def test_the_code_hash_follows_the_closure_only(package: Path) -> None:
 
 def test_every_stage_knows_the_versions_of_what_it_imports() -> None:
     for stage in STAGES:
-        source, versions = provenance.code(f"pipeline.stages.{stage}")
+        source, versions = staleness.code(f"pipeline.stages.{stage}")
         assert len(source) == 64
         assert all(versions.values())
-    assert {"torch", "numba", "numpy", "onnxruntime"} <= set(provenance.code("pipeline.stages.train_nerf")[1])
-    assert "torch" not in provenance.code("pipeline.stages.report")[1]
+    assert {"torch", "numba", "numpy", "onnxruntime"} <= set(staleness.code("pipeline.stages.train_nerf")[1])
+    assert "torch" not in staleness.code("pipeline.stages.report")[1]
 
 
 def test_another_wheel_in_a_packages_stead_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -75,18 +75,18 @@ def test_another_wheel_in_a_packages_stead_is_named(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(
         importlib.metadata, "packages_distributions", lambda: {"onnxruntime": ["onnxruntime-gpu"]}
     )
-    provenance._version.cache_clear()
+    staleness._version.cache_clear()
     try:
-        assert provenance._version("onnxruntime") == "onnxruntime-gpu 9.8"
+        assert staleness._version("onnxruntime") == "onnxruntime-gpu 9.8"
     finally:
-        provenance._version.cache_clear()
+        staleness._version.cache_clear()
 
 
 def test_every_part_of_a_key_counts() -> None:
     def key(
         options: int = 1, module: str = "pipeline.stages.report", name: str = "mesh", sha: str = "0"
     ) -> str:
-        return provenance.key({"faces": options}, module, {name: sha})
+        return staleness.key({"faces": options}, module, {name: sha})
 
     keys = [key(), key(options=2), key(module="pipeline.stages.clean"), key(name="scene"), key(sha="1")]
     assert len(set(keys)) == 5
@@ -96,7 +96,7 @@ def test_every_part_of_a_key_counts() -> None:
 def test_stages_read_only_the_options_that_they_declare() -> None:
     """An option read but not declared would not be in the key, and a change of it would be overlooked."""
     for stage, known in STAGES.items():
-        source = (provenance.ROOT / "pipeline" / "stages" / f"{stage}.py").read_text()
+        source = (staleness.ROOT / "pipeline" / "stages" / f"{stage}.py").read_text()
         for node in ast.walk(ast.parse(source)):
             if isinstance(node, ast.Attribute) and ast.unparse(node.value).endswith(("context.job", "job")):
                 assert node.attr in known.options, f"{stage} reads job.{node.attr}"
@@ -115,12 +115,12 @@ def test_folders_are_hashed_by_names_and_contents(tmp_path: Path) -> None:
 
 
 def test_entries_that_cannot_be_read_count_as_absent(tmp_path: Path) -> None:
-    path = provenance.entry_path(tmp_path, "clean")
-    assert provenance.read_entry(tmp_path, "clean") is None
+    path = staleness.entry_path(tmp_path, "clean")
+    assert staleness.read_entry(tmp_path, "clean") is None
     path.parent.mkdir()
     for text in ("", "{", "[]", "null", '{"key": "k"}'):
         path.write_text(text)
-        assert provenance.read_entry(tmp_path, "clean") is None
+        assert staleness.read_entry(tmp_path, "clean") is None
 
 
 def test_damage_is_named(tmp_path: Path) -> None:
@@ -134,12 +134,12 @@ def test_damage_is_named(tmp_path: Path) -> None:
     }
     (tmp_path / "empty").write_text("")
     (tmp_path / "other").write_text("contenT")
-    assert provenance.damaged(tmp_path, entry) == ["empty is empty", "other was changed", "gone is missing"]
+    assert staleness.damaged(tmp_path, entry) == ["empty is empty", "other was changed", "gone is missing"]
 
 
 def test_a_twin_is_the_newest_intact_run_and_broken_ones_are_passed_over(tmp_path: Path) -> None:
     def sibling(name: str, key: object, outputs: object, age: float) -> Path:
-        path = provenance.entry_path(tmp_path / name, "bake")
+        path = staleness.entry_path(tmp_path / name, "bake")
         path.parent.mkdir(parents=True)
         path.write_text(json.dumps({"key": key, "outputs": outputs, "inputs": {}}))
         os.utime(path, (1e9 - age, 1e9 - age))
@@ -154,7 +154,7 @@ def test_a_twin_is_the_newest_intact_run_and_broken_ones_are_passed_over(tmp_pat
     for row, outputs in enumerate([["a"], 3, {"a": {}}, {"a": {"path": 7}}, {"a": {"path": "x" * 300}}]):
         sibling(f"broken{row}", "k", outputs, 1)
     (tmp_path / "latest").symlink_to(tmp_path / "own")
-    assert provenance.twin(tmp_path / "own", "bake", "k") == newer
+    assert staleness.twin(tmp_path / "own", "bake", "k") == newer
     (newer / "a.png").write_bytes(b"")
-    assert provenance.twin(tmp_path / "own", "bake", "k") == older
-    assert provenance.twin(older, "bake", "none") is None
+    assert staleness.twin(tmp_path / "own", "bake", "k") == older
+    assert staleness.twin(older, "bake", "none") is None
