@@ -8,8 +8,6 @@ mapped one by one, and nothing that renders latents changes.
 Letters: r rays.
 """
 
-from typing import Self
-
 import numpy as np
 import torch
 from jaxtyping import Float
@@ -28,7 +26,7 @@ class LinearRgb(nn.Module):
         self.bias = nn.Parameter(torch.from_numpy(np.array(bias, np.float32)))
 
     @classmethod
-    def zeros(cls) -> Self:
+    def zeros(cls) -> "LinearRgb":
         """Return a layer to be filled with saved values."""
         return cls(np.zeros((3, LATENT_CHANNELS)), np.zeros(3))
 
