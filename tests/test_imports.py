@@ -97,6 +97,17 @@ def test_no_stage_imports_a_stage_and_no_module_imports_itself_round_a_circle() 
     graphlib.TopologicalSorter(graph).prepare()  # raises CycleError
 
 
+def test_whatever_is_public_is_documented_and_no_file_is_long() -> None:
+    for path in [*python_files("pipeline"), *python_files("export"), *python_files("benchmarks")]:
+        text = path.read_text(encoding="utf-8")
+        tree = ast.parse(text)
+        inside = [node for top in tree.body if isinstance(top, ast.ClassDef) for node in top.body]
+        named = [n for n in (*tree.body, *inside) if isinstance(n, ast.FunctionDef | ast.ClassDef)]
+        for node in (tree, *(n for n in named if not n.name.startswith("_"))):
+            assert ast.get_docstring(node), f"{path.relative_to(ROOT)}: {getattr(node, 'name', 'the module')}"
+        assert len(text.splitlines()) <= 350, path
+
+
 def test_ruff_enforces_the_same_bans() -> None:
     for module in [*sorted(EXPORT_ONLY), "onnxruntime"]:
         command = [sys.executable, "-m", "ruff", "check", "--select", "TID251", "--stdin-filename"]

@@ -7,7 +7,6 @@ density's level sets where a ray is expected to end.
 
 import copy
 from collections.abc import Sequence
-from dataclasses import fields, replace
 
 import numpy as np
 import torch
@@ -21,7 +20,7 @@ from pipeline.nerf.linear_rgb import LinearRgb
 from pipeline.nerf.rendering import RayOutputs, Rays, background_of, render_views
 from pipeline.nerf.scene import Scene
 from pipeline.nerf.step import Compose, State, make_optimizer
-from pipeline.options.nerf import Refinement, TrainNerf
+from pipeline.options.nerf import Refinement, TrainNerf, refined
 from pipeline.training.background import FlatBackground, LearnedBackground
 from pipeline.training.batch import Batch
 from pipeline.training.flat_colours import flat_colours
@@ -36,10 +35,8 @@ _TETRAHEDRON = torch.tensor([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]
 def refinement_options(train: TrainNerf, refinement: Refinement) -> TrainNerf:
     """Return the options of refinement's steps: its own, and for the rest those that the field was trained
     with; what grew over that training stays as it ended."""
-    given = {spec.name for spec in fields(Refinement)} & {spec.name for spec in fields(TrainNerf)}
-    own = {name: getattr(refinement, name) for name in given}
-    own["steps"] = refinement.fit_steps + refinement.steps
-    return replace(train, **own, sparsity_ramp=0.0, density_sharpening=1.0)
+    steps = refinement.fit_steps + refinement.steps
+    return refined(train, refinement, steps=steps, sparsity_ramp=0.0, density_sharpening=1.0)
 
 
 def initial_rgb_state(scene: Scene, rgb: LinearRgb, options: TrainNerf, seed: int) -> State:

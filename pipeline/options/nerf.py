@@ -1,7 +1,7 @@
 """Options of a text's own shape: the latent field, and the sketch that may guide it."""
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal, TypeVar
 
 from pipeline.errors import InputError
 from pipeline.options.distillation import Distillation
@@ -92,6 +92,15 @@ class Refinement(Distillation):
         super().__post_init__()
         if self.fit_steps + self.steps == 0:
             raise InputError("refinement.fit_steps and refinement.steps are 0: expected a step, or REFINE=0")
+
+
+T = TypeVar("T", bound=Distillation)
+
+
+def refined(training: T, refinement: Refinement, **others: Any) -> T:
+    """Return the options of a training with refinement's in place of those that both have, and `others`."""
+    shared = {spec.name for spec in fields(Refinement)} & {spec.name for spec in fields(training)}
+    return replace(training, **{name: getattr(refinement, name) for name in shared} | others)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ Letters: s texels along a side of the baked texture, n colours that some view re
 from __future__ import annotations
 
 import json
-from dataclasses import fields, replace
 
 import cv2
 import numpy as np
@@ -27,7 +26,7 @@ from pipeline.diffusion.refinement import (
 )
 from pipeline.diffusion.sessions import vae_decoder
 from pipeline.mesh.fill import continue_nearest
-from pipeline.options.nerf import Refinement
+from pipeline.options.nerf import Refinement, refined
 from pipeline.options.paint import TrainPaint
 from pipeline.paint.checkpoint import decode_state, encode_state
 from pipeline.paint.given_mesh import load_paint_mesh
@@ -49,10 +48,9 @@ _RATE = 2e-3
 
 def refinement_options(paint: TrainPaint, refinement: Refinement) -> TrainPaint:
     """Return the options of the steps: refinement's own, and for the rest those of the painting."""
-    given = {spec.name for spec in fields(Refinement)} & {spec.name for spec in fields(TrainPaint)}
-    own = {name: getattr(refinement, name) for name in given} | {"learning_rate": _RATE}
     cameras = {name: getattr(paint, name) for name in ("radius", "fov_degrees", "polar_degrees")}
-    return replace(paint, **(own | cameras | {"steps": max(refinement.steps, 1), "background": "random"}))
+    steps = max(refinement.steps, 1)
+    return refined(paint, refinement, **cameras, steps=steps, learning_rate=_RATE, background="random")
 
 
 def start_colours(albedo: Float[np.ndarray, "s s 3"], side: int) -> Float[np.ndarray, "n 3"]:
