@@ -24,6 +24,7 @@ HERE = Path(__file__).parent
 RESULTS, DOCS = HERE / "results", HERE.parent / "docs"
 BY_NAME = {
     "default-model": "35 min",
+    "distillation": "30 min",
     "guidance": "16 min",
     "latent-vs-rgb": "5 min",
     "learn-token": "16 min",
