@@ -140,6 +140,8 @@ def test_ctrl_c_in_training_keeps_the_step_that_it_is_in(folder: Path) -> None:
         return subprocess.Popen(
             command(folder, "long", JOB=str(folder / "long.yaml")), cwd=ROOT, env=clean_environment(),
             stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, start_new_session=True,
+            # Tests that run in the background ignore it, and so would this.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )  # fmt: skip
 
     process, scratch = start(), folder / "long" / "latest" / "checkpoints" / "train_nerf"
