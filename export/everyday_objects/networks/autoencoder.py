@@ -80,17 +80,33 @@ class Decoder(nn.Module):
         return base + self.fine(self.coarse(latents))
 
 
+def along_no_colour(decoder: Decoder, latents: Tensor) -> Tensor:
+    """Return an offset of latents (b, 4, h, w) along the direction that the linear picture does not show,
+    flat or varying slowly; none for a fifth of them.
+
+    Four numbers say three of a colour. Nothing in score distillation holds the fourth: that of its latents
+    was off by more than a standard deviation, and a decoder that had not met such latents made black of
+    brown.
+    """
+    b, _, h, w = latents.shape
+    unseen = torch.linalg.svd(decoder.linear.weight.detach()[:, :, 0, 0].float())[2][-1]
+    waves = F.interpolate(torch.randn(b, 1, 4, 4), (h, w), mode="bilinear", align_corners=False)
+    amount = (0.8 * torch.randn(b, 1, 1, 1) + 0.4 * waves) * (torch.rand(b, 1, 1, 1) < 0.8)
+    return amount * unseen.view(1, -1, 1, 1)
+
+
 def autoencoder_loss(
     encoder: Encoder, decoder: Decoder, images: Tensor, noise: float = 0.08
 ) -> tuple[Tensor, Tensor]:
     """Return the training loss and the plain mean squared error of one batch (b, 3, h, w).
 
     L1 + 2 MSE + 0.5 L1 of the gradients + 2 linear latent -> RGB + 0.05 correlation between latent
-    channels + 0.1 of what latents exceed LARGEST, squared; the decoder sees latents with noise, since those
-    of score distillation are never clean.
+    channels + 0.1 of what latents exceed LARGEST, squared; the decoder sees latents with noise, and moved
+    `along_no_colour`, since those of score distillation are never clean.
     """
     latents = encoder(images)
-    decoded = decoder(latents + noise * torch.randn_like(latents)).float()
+    moved = latents + along_no_colour(decoder, latents)
+    decoded = decoder(moved + noise * torch.randn_like(latents)).float()
     error = decoded - images
     slopes = error.diff(dim=-1).abs().mean() + error.diff(dim=-2).abs().mean()
     linear = decoder.linear(latents).float() - F.avg_pool2d(images, FACTOR)
