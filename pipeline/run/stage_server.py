@@ -120,9 +120,9 @@ def _end(running: dict[int, Running], process: int) -> None:
 def _reap(running: dict[int, Running]) -> None:
     """Tell callers of stages that have ended, and end those whose time is over."""
     for process, (caller, until) in list(running.items()):
-        if time.monotonic() > until:
+        if over := time.monotonic() > until:
             os.kill(process, signal.SIGKILL)
-        ended, status = os.waitpid(process, 0 if time.monotonic() > until else os.WNOHANG)
+        ended, status = os.waitpid(process, 0 if over else os.WNOHANG)
         if ended:
             code = os.waitstatus_to_exitcode(status)
             with contextlib.suppress(OSError):
@@ -158,9 +158,13 @@ def _fork(caller: socket.socket, sockets: Sequence[socket.socket]) -> int:
         return 0
     request = json.loads(text)
     _import(f"pipeline.stages.{request['stage']}")
+    # A SIGTERM that met the fork with the server's handler would make a second server of it.
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
     process = os.fork()
     if process == 0:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+    if process == 0:
         for own in sockets:
             own.close()
         _become(request, descriptors)

@@ -67,8 +67,8 @@ def rate_share(cooling: float, progress: float) -> float:
     """Return the share of the learning rates at `progress` in [0, 1] of a run: 1 until its last share
     `cooling`, over which it falls linearly to a tenth.
 
-    Noise and views are drawn anew each step, so at a constant rate what is learned trembles around what it
-    has come to; the more so, the longer it has had for it.
+    Noise and views are drawn anew each step, so at a constant rate what is learned keeps a noise around
+    what it has come to; the more so, the longer it has had for it.
     """
     cooled = (progress - (1 - cooling)) / cooling if cooling else 0.0
     return 1 - (1 - _COLDEST) * min(max(cooled, 0.0), 1.0)

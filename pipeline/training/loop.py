@@ -47,7 +47,7 @@ class StepMetrics(Protocol):
     def _asdict(self) -> dict[str, Any]: ...
 
 
-class Pace(Protocol):
+class Schedule(Protocol):
     """How many steps, and how often they are kept and shown: a section of options."""
 
     @property
@@ -64,10 +64,8 @@ class Pace(Protocol):
 
 
 S = TypeVar("S", bound=Trained)
-Encode = Callable[[S, History], dict[str, np.ndarray]]
-"""A state and its history -> named arrays: everything that going on needs."""
 Decode = Callable[[Mapping[str, np.ndarray]], tuple[S, History]]
-"""The other way; raises ValueError for arrays of another training."""
+"""Arrays of a checkpoint -> a state and its history; raises ValueError for those of another training."""
 
 
 class Start(NamedTuple, Generic[S]):
@@ -98,7 +96,7 @@ def take_steps(
     stage: str,
     state: S,
     history: History,
-    pace: Pace,
+    schedule: Schedule,
     step: Callable[[S], StepMetrics],
     *,
     keep: Callable[[S, History], None] = lambda state, history: None,
@@ -112,13 +110,13 @@ def take_steps(
         keep: called every `checkpoint_every` steps, every KEEP_SECONDS, and when the training is stopped.
         show: called every `preview_every` steps.
         note: what the progress line says of a step.
-        last: the steps of the run in all, as known after each; None: those of `pace`.
+        last: the steps of the run in all, as known after each; None: those of `schedule`.
 
     Raises:
         KeyboardInterrupt: a signal asked for the end; the state is kept.
         FloatingPointError: a NaN or an infinity, named by tensor and step.
     """
-    total = last or (lambda: pace.steps)
+    total = last or (lambda: schedule.steps)
     with Progress(stage, total(), "steps") as progress, stop_signals() as stopped:
         kept_at = time.monotonic()
         while state.step < total():
@@ -126,13 +124,13 @@ def take_steps(
             history.append(_row(state.step, metrics))
             progress.total = total()
             progress.update(state.step, note(metrics))
-            due = state.step % pace.checkpoint_every == 0 or time.monotonic() - kept_at > KEEP_SECONDS
+            due = state.step % schedule.checkpoint_every == 0 or time.monotonic() - kept_at > KEEP_SECONDS
             if stopped() or (due and state.step < total()):
                 keep(state, history)
                 kept_at = time.monotonic()
             if stopped():
                 raise KeyboardInterrupt
-            if state.step % pace.preview_every == 0:
+            if state.step % schedule.preview_every == 0:
                 show(state)
 
 

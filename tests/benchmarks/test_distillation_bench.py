@@ -8,7 +8,16 @@ from benchmarks import distillation
 from benchmarks._gradients import METHODS, Step
 from benchmarks._ideal import Calls, linear_schedule
 from benchmarks._mixtures import Believed
-from benchmarks.distillation import Setting, calls_a_step, kind_scenes, learn, rows_of, settings, todays_calls
+from benchmarks.distillation import (
+    Setting,
+    best,
+    calls_a_step,
+    kind_scenes,
+    learn,
+    rows_of,
+    settings,
+    todays_calls,
+)
 from pipeline.cameras import orbit_camera
 
 SMALL = {
@@ -69,6 +78,8 @@ def test_rows_are_means_and_the_fewest_calls_are_found() -> None:
     assert (rows[0]["psnr"], rows[0]["chamfer"], rows[0]["psnr_spread"]) == (31.0, 0.008, 1.0)
     assert todays_calls(rows) == 100
     assert todays_calls(rows[1:]) is None
+    better = {Setting("4 steps", "exact", "ball", 100): {**one, "psnr": 33.0}}
+    assert [best(rows), best(rows_of(results | better))] == ["sds", "4 steps"]
 
 
 def test_every_method_meets_every_oracle() -> None:

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from export.everyday_objects.networks.autoencoder import Decoder, Encoder
+from export.everyday_objects.networks.autoencoder import Decoder, Encoder, along_no_colour
 from export.everyday_objects.networks.denoiser import CAMERA, Denoiser, camera_features, ray_map
 from export.everyday_objects.networks.text_encoder import MAX_TOKENS, WIDTH, TextEncoder
+from export.everyday_objects.train import train_autoencoder
 from export.everyday_objects.train.export_bundle import fit_latent_to_rgb
 from export.everyday_objects.train.restore import constants, randomise, transfer
 from export.graph import export_graph
@@ -47,6 +48,33 @@ def test_network_shapes():
     text = TextEncoder(600)(torch.zeros(2, MAX_TOKENS, dtype=torch.long))
     assert text.shape == (2, MAX_TOKENS, WIDTH)
     assert small_denoiser()(**inputs(4)).shape == (4, 4, 16, 16)
+
+
+def test_offsets_along_no_colour_leave_the_linear_picture():
+    torch.manual_seed(0)
+    decoder, latents = Decoder(), torch.randn(32, 4, 8, 8)
+    offset = along_no_colour(decoder, latents)
+    with torch.no_grad():
+        shown = decoder.linear(latents + offset) - decoder.linear(latents)
+    assert shown.abs().max() < 1e-5
+    moved = offset.flatten(1).abs().amax(1)
+    assert 0.5 < float((moved > 0).float().mean()) < 1
+    assert float(moved.max()) > 1
+
+
+def test_the_decoder_alone_is_trained_and_latents_stay(tmp_path):
+    torch.manual_seed(0)
+    before = {"encoder": Encoder().state_dict(), "decoder": Decoder().state_dict()}
+    torch.save(before, tmp_path / "autoencoder.pt")
+    pictures = np.random.default_rng(0).integers(0, 255, (8, 256, 256, 3), np.uint8)
+    np.save(tmp_path / "autoencoder_pictures.npy", pictures)
+    encoder, decoder = train_autoencoder.train(tmp_path, 2, batch=2, decoder_alone=True)
+    assert all(torch.equal(value, before["encoder"][name]) for name, value in encoder.state_dict().items())
+    assert any(
+        not torch.equal(value, before["decoder"][name]) for name, value in decoder.state_dict().items()
+    )
+    both, _ = train_autoencoder.train(tmp_path, 2, batch=2)
+    assert any(not torch.equal(value, before["encoder"][name]) for name, value in both.state_dict().items())
 
 
 def test_rays_are_those_of_the_pipelines_cameras():

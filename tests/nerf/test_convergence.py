@@ -34,30 +34,30 @@ SHAPE = (2, 4, 16, 16)
 BOUND = TrainNerf().convergence
 
 
-def trembling(seed: int, count: int, step: float = 0.0) -> np.ndarray:
-    """Looks at a scene that trembles by 1 and moves by `step` from look to look."""
+def noisy(seed: int, count: int, step: float = 0.0) -> np.ndarray:
+    """Snapshots of a scene with noise of 1 that moves by `step` from one to the next."""
     rng = np.random.default_rng(seed)
     way = rng.standard_normal(SHAPE)
-    looks = [rng.standard_normal(SHAPE) + i * step * way for i in range(count)]
-    return np.stack(looks).astype(np.float32)
+    snapshots = [rng.standard_normal(SHAPE) + i * step * way for i in range(count)]
+    return np.stack(snapshots).astype(np.float32)
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_scene_that_trembles_in_place_drifts_by_one_standard_error(seed: int) -> None:
-    assert drift(trembling(seed, 2 * WINDOW)) == pytest.approx(1, abs=0.1)
+def test_a_scene_that_only_has_noise_drifts_by_one_standard_error(seed: int) -> None:
+    assert drift(noisy(seed, 2 * WINDOW)) == pytest.approx(1, abs=0.1)
 
 
 def test_drift_grows_as_the_scene_moves_and_does_not_depend_on_units() -> None:
-    drifts = [drift(trembling(0, 2 * WINDOW, step)) for step in (0, 0.3, 1, 3)]
+    drifts = [drift(noisy(0, 2 * WINDOW, step)) for step in (0, 0.3, 1, 3)]
     assert drifts == sorted(drifts)
-    # Means `WINDOW` looks apart; the motion within a stretch makes it tremble more.
+    # Means `WINDOW` snapshots apart; the motion within a window adds to its noise.
     within = np.arange(WINDOW).var(ddof=1)
     moving = np.sqrt(2 / WINDOW + WINDOW**2) / np.sqrt(2 * (1 + within) / WINDOW)
     assert drifts[2] == pytest.approx(moving, rel=0.1)
-    assert drift(1000 * trembling(0, 2 * WINDOW, 0.3)) == pytest.approx(drifts[1], rel=1e-5)
+    assert drift(1000 * noisy(0, 2 * WINDOW, 0.3)) == pytest.approx(drifts[1], rel=1e-5)
 
 
-def test_scenes_without_trembling() -> None:
+def test_scenes_without_noise() -> None:
     still = np.ones((2 * WINDOW, *SHAPE), np.float32)
     assert drift(still) == 0
     jump = np.concatenate([still[:WINDOW], 2 * still[WINDOW:]])
@@ -65,16 +65,16 @@ def test_scenes_without_trembling() -> None:
 
 
 def test_it_takes_calm_in_a_row() -> None:
-    calm = list(trembling(1, SNAPSHOTS))
+    calm = list(noisy(1, SNAPSHOTS))
     assert SNAPSHOTS == 2 * WINDOW + CALM - 1
     assert not converged(calm[1:], BOUND)
     assert converged(calm, BOUND)
     assert not converged([*calm[:-WINDOW], *(late + 3 for late in calm[-WINDOW:])], BOUND)
-    assert not converged(list(trembling(1, SNAPSHOTS, 1.0)), BOUND)
+    assert not converged(list(noisy(1, SNAPSHOTS, 1.0)), BOUND)
 
 
 def test_every_one_of_the_last_drifts_counts() -> None:
-    """A jump between two stretches is an endless drift; one look off it is one of `WINDOW` - 1."""
+    """A jump between two windows is an endless drift; one snapshot off it is one of `WINDOW` - 1."""
 
     def jumping(at: int) -> list[np.ndarray]:
         return list(np.repeat([np.zeros(SHAPE), np.ones(SHAPE)], [at, SNAPSHOTS - at], 0).astype(np.float32))
@@ -115,7 +115,7 @@ def test_training_ends_early_and_a_resumed_one_just_so(
     assert whole.converged_at % SNAPSHOT_EVERY == 0
     assert whole.step == whole.converged_at + COOLING < options.steps
     assert len(history) == whole.step
-    assert whole.snapshots == [], "nobody looks at them any more"
+    assert whole.snapshots == [], "nothing needs them any more"
     told = f"the scene had converged at step {whole.converged_at} of 300: {COOLING} steps at falling rates"
     assert f"{told} have ended it, {300 - whole.step} were skipped" in capsys.readouterr().err
 
@@ -132,14 +132,16 @@ def test_training_ends_early_and_a_resumed_one_just_so(
 
 
 @pytest.mark.parametrize(
-    ("steps", "changed", "looked"),
+    ("steps", "changed", "taken"),
     [
         (250, {"convergence": 10.0}, True),
         (250, {"convergence": 0.0}, False),
         (240, {"convergence": 10.0}, False),  # cooled from step 140 on it would take as many
     ],
 )
-def test_nobody_looks_where_no_step_can_be_saved(steps: int, changed: dict[str, Any], looked: bool) -> None:
+def test_no_snapshot_is_taken_where_no_step_can_be_saved(
+    steps: int, changed: dict[str, Any], taken: bool
+) -> None:
     options = TrainNerf(steps=steps, **{**QUICK, **changed})
     state = initial_state(options, BACKGROUNDS, 7)
     state.step = 120
@@ -153,7 +155,7 @@ def test_nobody_looks_where_no_step_can_be_saved(steps: int, changed: dict[str, 
 
     with pytest.raises(Enough):
         finish(state, [], dataclasses.replace(options, checkpoint_every=5), stop)
-    assert bool(state.snapshots) == looked
+    assert bool(state.snapshots) == taken
 
 
 def test_cooled_steps_are_taken_at_their_pace() -> None:

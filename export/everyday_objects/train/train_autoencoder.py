@@ -5,6 +5,7 @@ Writes WORK/autoencoder.pt and goes on from WORK/autoencoder.state.pt, or else f
 WORK/autoencoder.pt that is there already (`train.restore` takes one from the bundle). What a scene shows are
 latents that were rendered, also at twice the training size, when its texture is baked: so the decoder learns
 to make a picture of 256 pixels out of enlarged latents of one of 128, beside giving back pictures of 128.
+With `--decoder` it alone is trained, from WORK/decoder.state.pt or WORK/autoencoder.pt on.
 """
 
 import argparse
@@ -20,7 +21,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from export.everyday_objects.data.pictures import IMAGE_SIZE, draw_object
-from export.everyday_objects.networks.autoencoder import Decoder, Encoder, autoencoder_loss
+from export.everyday_objects.networks.autoencoder import Decoder, Encoder, along_no_colour, autoencoder_loss
 from export.everyday_objects.train.muon import Muon
 
 MUON_RATE, ADAM_RATE, DECAY = 0.01, 1e-3, 1e-4
@@ -58,24 +59,30 @@ def loss_of(encoder: Encoder, decoder: Decoder, large: Tensor) -> tuple[Tensor, 
     small = F.avg_pool2d(large, 2)
     loss, mse = autoencoder_loss(encoder, decoder, small)
     latents = encoder(small[:ENLARGED])
+    latents = latents + along_no_colour(decoder, latents)
     enlarged = F.interpolate(latents, scale_factor=2.0, mode="bilinear", align_corners=False)
     error = decoder(enlarged + 0.05 * torch.randn_like(enlarged)).float() - large[:ENLARGED]
     return loss + 0.25 * (error.abs().mean() + 2 * error.square().mean()), mse
 
 
-def train(work: Path, steps: int, batch: int = 16, pool: int = 12_000) -> tuple[Encoder, Decoder]:
-    """Train for `steps` in all, the rates falling as a cosine."""
+def train(
+    work: Path, steps: int, batch: int = 16, pool: int = 12_000, decoder_alone: bool = False
+) -> tuple[Encoder, Decoder]:
+    """Train for `steps` in all, the rates falling as a cosine; `decoder_alone`: latents stay as they are."""
     torch.manual_seed(0)
     encoder = Encoder().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     decoder = Decoder().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    if decoder_alone:
+        encoder.eval().requires_grad_(False)
     named = [*encoder.named_parameters(), *decoder.named_parameters()]
+    named = [(name, p) for name, p in named if p.requires_grad]
     inner = [
         p for n, p in named if p.ndim == 4 and p.shape[2] == 3 and p.shape[1] != 48 and "fine.1" not in n
     ]
     chosen = {id(p) for p in inner}
     muon = Muon(inner, MUON_RATE, DECAY, torch.float32)
     adam = torch.optim.AdamW([p for _, p in named if id(p) not in chosen], ADAM_RATE, weight_decay=DECAY)
-    state, start = work / "autoencoder.state.pt", 0
+    state, start = work / ("decoder.state.pt" if decoder_alone else "autoencoder.state.pt"), 0
     if state.exists():
         saved = torch.load(state, weights_only=True)
         encoder.load_state_dict(saved["encoder"])
@@ -123,11 +130,16 @@ def main() -> None:
     parser.add_argument("work", type=Path)
     parser.add_argument("--steps", type=int, default=4000)
     parser.add_argument("--threads", type=int, default=0, help="0: one a core")
+    parser.add_argument(
+        "--decoder",
+        action="store_true",
+        help="the decoder alone: latents, and what was trained on them, stay",
+    )
     options = parser.parse_args()
     if options.threads:
         torch.set_num_threads(options.threads)
     options.work.mkdir(parents=True, exist_ok=True)
-    encoder, decoder = train(options.work, options.steps)
+    encoder, decoder = train(options.work, options.steps, decoder_alone=options.decoder)
     torch.save(
         {"encoder": encoder.state_dict(), "decoder": decoder.state_dict()}, options.work / "autoencoder.pt"
     )
