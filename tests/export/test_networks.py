@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from export.everyday_objects.networks.autoencoder import Decoder, Encoder, along_no_colour
+from export.everyday_objects.networks.autoencoder import (
+    DETAIL,
+    Decoder,
+    Encoder,
+    blur_detail,
+    no_colour,
+    quieten_detail,
+)
 from export.everyday_objects.networks.denoiser import CAMERA, Denoiser, camera_features, ray_map
 from export.everyday_objects.networks.text_encoder import MAX_TOKENS, WIDTH, TextEncoder
 from export.everyday_objects.train import train_autoencoder
@@ -50,16 +57,31 @@ def test_network_shapes():
     assert small_denoiser()(**inputs(4)).shape == (4, 4, 16, 16)
 
 
-def test_offsets_along_no_colour_leave_the_linear_picture():
+@torch.no_grad()
+def test_detail_is_blurred_and_the_linear_picture_stays():
     torch.manual_seed(0)
     decoder, latents = Decoder(), torch.randn(32, 4, 8, 8)
-    offset = along_no_colour(decoder, latents)
-    with torch.no_grad():
-        shown = decoder.linear(latents + offset) - decoder.linear(latents)
-    assert shown.abs().max() < 1e-5
-    moved = offset.flatten(1).abs().amax(1)
+    change = blur_detail(decoder, latents) - latents
+    assert decoder.linear(change).sub(decoder.linear.bias.view(1, -1, 1, 1)).abs().max() < 1e-5
+    moved = change.flatten(1).abs().amax(1)
     assert 0.5 < float((moved > 0).float().mean()) < 1
     assert float(moved.max()) > 1
+
+
+@torch.no_grad()
+def test_quietened_detail_leaves_pictures_and_colours_as_they_are():
+    torch.manual_seed(0)
+    encoder, decoder, images = Encoder(), Decoder(), torch.rand(8, 3, 64, 64)
+    encoder.whiten.momentum = None  # the mean over what it has seen
+    for _ in range(3):
+        encoder(images)
+    latents = encoder.eval()(images)
+    pictures, direction = decoder(latents), no_colour(decoder)
+    quieten_detail(encoder, decoder, images)
+    quiet = encoder(images)
+    assert float(torch.einsum("c,bchw->bhw", direction, quiet).std()) == pytest.approx(DETAIL, rel=1e-3)
+    assert torch.allclose(decoder.linear(quiet), decoder.linear(latents), atol=1e-4)
+    assert torch.allclose(decoder(quiet), pictures, atol=1e-3)
 
 
 def test_the_decoder_alone_is_trained_and_latents_stay(tmp_path):

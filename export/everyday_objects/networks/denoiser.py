@@ -34,12 +34,23 @@ CAMERA = (
 _HARMONICS = 12
 
 
+class Norm(nn.GroupNorm):
+    """Group normalisation in float32: in bfloat16 with channels last it takes a CPU three times as long."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__(GROUPS, channels)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(b, c, h, w) to the same shape and type."""
+        return super().forward(x.float()).to(x.dtype)
+
+
 class ResidualBlock(nn.Module):
     """Norm, SiLU, convolution, twice; the embedding scales and shifts in between."""
 
     def __init__(self, inputs: int, outputs: int, embedding: int) -> None:
         super().__init__()
-        self.norm1, self.norm2 = nn.GroupNorm(GROUPS, inputs), nn.GroupNorm(GROUPS, outputs)
+        self.norm1, self.norm2 = Norm(inputs), Norm(outputs)
         self.conv1 = nn.Conv2d(inputs, outputs, 3, padding=1)
         self.conv2 = nn.Conv2d(outputs, outputs, 3, padding=1)
         self.modulation = nn.Linear(embedding, 2 * outputs)
@@ -68,10 +79,10 @@ class Attention(nn.Module):
     def forward(self, x: Tensor, context: Tensor) -> Tensor:
         """(b, n, width), (b, l, context) to (b, n, width)."""
         b, n, width = x.shape
-        q = self.q(x).view(b, n, self.heads, -1).transpose(1, 2)
+        q = self.q(x).view(b, n, self.heads, -1).transpose(1, 2) * ((width // self.heads) ** -0.5)
         k, v = self.kv(context).view(b, context.shape[1], 2, self.heads, -1).permute(2, 0, 3, 1, 4)
         # Spelled out: torch's fused attention takes four times as long backwards on a CPU at these sizes.
-        y = torch.softmax(q @ k.transpose(-1, -2) * (q.shape[-1] ** -0.5), dim=-1) @ v
+        y = torch.softmax(q @ k.transpose(-1, -2), dim=-1) @ v
         return self.out(y.transpose(1, 2).reshape(b, n, width))
 
 
@@ -147,7 +158,7 @@ class Denoiser(nn.Module):
             )
             self.grow.append(nn.Conv2d(c, c, 3, padding=1) if i < last else nn.Identity())
             previous = c
-        self.norm = nn.GroupNorm(GROUPS, channels[0])
+        self.norm = Norm(channels[0])
         self.head = nn.Conv2d(channels[0], patch, 3, padding=1)
         zero(self.head)
 

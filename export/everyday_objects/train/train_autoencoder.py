@@ -21,12 +21,20 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from export.everyday_objects.data.pictures import IMAGE_SIZE, draw_object
-from export.everyday_objects.networks.autoencoder import Decoder, Encoder, along_no_colour, autoencoder_loss
+from export.everyday_objects.networks.autoencoder import (
+    Decoder,
+    Encoder,
+    autoencoder_loss,
+    blur_detail,
+    quieten_detail,
+)
 from export.everyday_objects.train.muon import Muon
 
 MUON_RATE, ADAM_RATE, DECAY = 0.01, 1e-3, 1e-4
 ENLARGED = 2
 """Pictures of a batch that are also decoded at twice the size."""
+QUIETENED_ON = 200
+"""Pictures by which the spread of detail is known."""
 SAVE_EVERY = 250
 BFLOAT16 = torch.cpu._is_avx512_bf16_supported()
 
@@ -49,7 +57,7 @@ def draw_pool(path: Path, count: int) -> np.ndarray:
 
 def to_batch(pictures: np.ndarray) -> Tensor:
     """(n, h, w, 3) uint8 to (n, 3, h, w) float32 in [0, 1], channels last in memory."""
-    return torch.from_numpy(np.ascontiguousarray(pictures)).permute(0, 3, 1, 2).float() / 255
+    return torch.from_numpy(np.array(pictures)).permute(0, 3, 1, 2).float() / 255
 
 
 def loss_of(encoder: Encoder, decoder: Decoder, large: Tensor) -> tuple[Tensor, Tensor]:
@@ -59,7 +67,7 @@ def loss_of(encoder: Encoder, decoder: Decoder, large: Tensor) -> tuple[Tensor, 
     small = F.avg_pool2d(large, 2)
     loss, mse = autoencoder_loss(encoder, decoder, small)
     latents = encoder(small[:ENLARGED])
-    latents = latents + along_no_colour(decoder, latents)
+    latents = blur_detail(decoder, latents)
     enlarged = F.interpolate(latents, scale_factor=2.0, mode="bilinear", align_corners=False)
     error = decoder(enlarged + 0.05 * torch.randn_like(enlarged)).float() - large[:ENLARGED]
     return loss + 0.25 * (error.abs().mean() + 2 * error.square().mean()), mse
@@ -121,6 +129,9 @@ def train(
                 f"step {step + 1} of {steps}: loss {loss_now:.4f}, {quality:.2f} dB, {minutes:.1f} min",
                 flush=True,
             )
+    if not decoder_alone:
+        examples = to_batch(pictures[:: max(1, len(pictures) // QUIETENED_ON)])
+        quieten_detail(encoder, decoder, F.avg_pool2d(examples, 2))
     return encoder.eval(), decoder.eval()
 
 
