@@ -81,6 +81,20 @@ def make_pool(mesh: Mesh, options: TrainPaint, texture: int | None, resolution: 
     return Pool(groups, [views[i : i + size] for i in range(0, len(views), size)], seen, resolution)
 
 
+def shown_views(pool: Pool) -> list[ViewWeights]:
+    """Return the four views that a preview shows: of all of the pool those nearest to the front, the left
+    side, the back and the right side, which differ."""
+    azimuths = np.concatenate([group[1] for group in pool.groups])
+    views = [view for group in pool.views for view in group]
+    sides = np.arange(min(4, len(views))) * np.pi / 2
+    away = 1 - np.cos(azimuths[:, None] - sides)
+    chosen: list[int] = []
+    for side in range(len(sides)):
+        nearest = np.argsort(away[:, side], kind="stable")
+        chosen.append(next(int(i) for i in nearest if i not in chosen))
+    return [views[i] for i in chosen]
+
+
 def initial_paint(
     options: TrainPaint, pool: Pool, backgrounds: Float[np.ndarray, "k 4"], seed: int
 ) -> PaintState:

@@ -32,19 +32,20 @@ def main(context: Context) -> None:
     sketch = load_sketch(inputs["sketch"]) if "sketch" in inputs else None
     cameras = preview_cameras(options)
 
+    def show(state: State) -> None:
+        views = render_views(state.scene, cameras, resolution)
+        write_png(context.scratch / PREVIEW, latent_preview(views.latents, views.opacity, bundle))
+
     state, history, resumed_at, warnings = resume(
         "train_nerf",
         context.scratch,
         lambda values: decode_state(values, options),
         lambda: initial_state(options, flat_backgrounds(embeddings), context.job.seed, sketch),
+        show,
     )
 
     def keep(state: State, history: History) -> None:
         checkpoints.write(context.scratch, state.step, encode_state(state, history))
-
-    def show(state: State) -> None:
-        views = render_views(state.scene, cameras, resolution)
-        write_png(context.scratch / PREVIEW, latent_preview(views.latents, views.opacity, bundle))
 
     rows, provider = 2 * options.cameras_per_step, context.job.provider
     with (
