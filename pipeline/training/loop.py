@@ -20,7 +20,7 @@ from pipeline.training import checkpoints
 KEEP_SECONDS = 10.0
 """Time between checkpoints, where steps are slow or few [seconds]."""
 SHOW_SECONDS = 5.0
-"""Time between previews, unless they are asked for by steps [seconds]; where steps are slower, each is shown."""
+"""Time between previews, unless they are asked for by steps; slower steps are shown each [seconds]."""
 PREVIEW = "preview_training.png"
 """The file beside the checkpoints that shows how training goes."""
 
