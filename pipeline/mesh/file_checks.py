@@ -115,23 +115,58 @@ def buffer_files(path: Path) -> list[Path]:
         raise InputError(f"{path}: not valid glTF (its buffers are no list); export it again")
     for buffer in buffers:
         uri = buffer.get("uri") if isinstance(buffer, dict) else None
-        if not isinstance(uri, str) or uri.startswith("data:"):
-            continue
-        name = unquote(uri)
-        file = path.parent / name
-        try:
-            inside = not Path(name).is_absolute() and file.resolve().is_relative_to(path.parent.resolve())
-            there = file.is_file()
-        except (OSError, ValueError):  # no name of a file: too long, or with a NUL
-            inside, there = True, False
-        if not inside:
-            raise InputError(
-                f"{path}: its buffer {name[:80]!r} lies outside its folder; put it beside the file"
-            )
-        if not there:
-            raise InputError(f"{path}: its buffer {name[:80]!r} is missing; copy it too, or export as .glb")
-        found.append(file)
+        if isinstance(uri, str) and not uri.startswith("data:"):
+            found.append(_beside(path, unquote(uri), "buffer"))
     return found
+
+
+def colour_files(path: Path) -> list[Path]:
+    """Return the files that a mesh takes its colours from: materials and textures of an OBJ, textures of a
+    .gltf (none for other files); they lie beside it.
+
+    Raises InputError for one that is missing or outside its folder.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".gltf":
+        images = read_gltf_json(path).get("images", [])
+        uris = [i.get("uri") for i in images if isinstance(i, dict)] if isinstance(images, list) else []
+        return [
+            _beside(path, unquote(uri), "texture")
+            for uri in uris
+            if isinstance(uri, str) and not uri.startswith("data:")
+        ]
+    if suffix != ".obj":
+        return []
+    found = []
+    for name in _words_after(path, "mtllib"):
+        library = _beside(path, name, "material file")
+        found.append(library)
+        for texture in _words_after(library, "map_kd"):
+            whole = (library.parent / texture).is_file()  # else options stand before the name
+            found.append(_beside(library, texture if whole else texture.split()[-1], "texture"))
+    return list(dict.fromkeys(found))
+
+
+def _words_after(path: Path, key: str) -> list[str]:
+    """Return what follows a key on the lines of a text file, each once."""
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    pairs = [(line.split(maxsplit=1) + ["", ""])[:2] for line in lines]
+    return list(dict.fromkeys(rest.strip() for word, rest in pairs if word.lower() == key and rest.strip()))
+
+
+def _beside(path: Path, name: str, what: str) -> Path:
+    """Return the file of that name in the folder of `path`, or below. Raises InputError if there is none."""
+    file = path.parent / name
+    try:
+        inside = not Path(name).is_absolute() and file.resolve().is_relative_to(path.parent.resolve())
+        there = file.is_file()
+    except (OSError, ValueError):  # no name of a file: too long, or with a NUL
+        inside, there = True, False
+    if not inside:
+        raise InputError(f"{path}: its {what} {name[:80]!r} lies outside its folder; put it beside the file")
+    if not there:
+        raise InputError(f"{path}: its {what} {name[:80]!r} is missing; copy it too, or export as .glb")
+    return file
 
 
 def read_gltf_json(path: Path) -> dict[str, Any]:

@@ -3,8 +3,8 @@
 A job is resolved from, in rising order of precedence: the defaults below (the paper's values where it gives
 them), the quality table, the ``distillation`` section of the model's bundle.json, the YAML file named by
 JOB, and the environment variables PROMPT, NEGATIVE, TOKEN, MODEL, SEED, QUALITY, SKETCH, SIGMA_S,
-REFINE, MESH, PARAM, PROVIDER. The resolved job is complete: it is what a run's job.yaml holds, and its hash
-names the run's folder.
+REFINE, MESH, PARAM, START, STRENGTH and PROVIDER. The resolved job is complete: it is what a run's job.yaml
+holds, and its hash names the run's folder.
 
 This module is imported before anything runs, so it imports nothing heavy.
 """
@@ -25,6 +25,7 @@ from pipeline.options.distillation import Distillation
 from pipeline.options.nerf import Refinement, SketchField, TrainNerf
 from pipeline.options.paint import BakePaint, Prepare, TrainPaint
 from pipeline.options.schema import build, check, check_text, option, plain, read_yaml, short
+from pipeline.options.start import StartFit, check_start, lasting
 
 MODELS = Path(__file__).resolve().parents[2] / "onnx_models"
 DEFAULT_MODEL = "everyday-objects"
@@ -51,6 +52,13 @@ class Job:
     param: Literal["texture", "face"] = option(
         "texture", "how a mesh is painted: with a texture, or with one colour a face (no texture coordinates)"
     )
+    start: str = option(
+        "", "what to go on from: the folder of a run, or a textured mesh; empty: from nothing"
+    )
+    strength: float = option(
+        0.5, "how far to go from the start: the noise level that distillation sets out from", 0.01, 1
+    )
+    start_fit: StartFit = field(default_factory=StartFit)
     train_nerf: TrainNerf = field(default_factory=TrainNerf)
     extract: Extract = field(default_factory=Extract)
     clean: Clean = field(default_factory=Clean)
@@ -63,7 +71,7 @@ class Job:
 
     def __post_init__(self) -> None:
         check(self)
-        for name in ("prompt", "negative", "token", "sketch", "mesh"):
+        for name in ("prompt", "negative", "token", "sketch", "mesh", "start"):
             check_text(name, getattr(self, name))
         if not self.prompt.strip():
             raise InputError(
@@ -112,7 +120,18 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
     """
     given: dict[str, Any] = read_yaml(Path(environment["JOB"])) if environment.get("JOB") else {}
     written = given.get("quality")
-    plain = ("PROMPT", "NEGATIVE", "TOKEN", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM", "PROVIDER")
+    plain = (
+        "PROMPT",
+        "NEGATIVE",
+        "TOKEN",
+        "MODEL",
+        "QUALITY",
+        "SKETCH",
+        "MESH",
+        "PARAM",
+        "START",
+        "PROVIDER",
+    )
     for variable in plain:
         if environment.get(variable):
             given[variable.lower()] = environment[variable]
@@ -123,7 +142,9 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
     if environment.get("SIGMA_S"):
         section = given.get("train_nerf") or {}
         if isinstance(section, dict):  # if not, `build` says so
-            given["train_nerf"] = {**section, "sigma_s": _parse_sigma(environment["SIGMA_S"])}
+            given["train_nerf"] = {**section, "sigma_s": _parse_number("SIGMA_S", environment["SIGMA_S"])}
+    if environment.get("STRENGTH"):
+        given["strength"] = _parse_number("STRENGTH", environment["STRENGTH"])
     # Everything the user can get wrong is named before the layers below it are merged in.
     asked = build(Job, given, environment.get("JOB") or "")
     if asked.sketch and asked.mesh:
@@ -146,6 +167,11 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
         raise InputError(f"MESH {short(asked.mesh)} does not exist or is no file: give the path of a mesh")
     if environment.get("PARAM") and not asked.mesh:
         raise InputError("PARAM is given without MESH: it chooses how a given mesh is painted")
+    if asked.start:
+        check_start(asked.start)
+        given["start"] = lasting(asked.start)
+    elif environment.get("STRENGTH"):
+        raise InputError("STRENGTH is given, but no START that it could act on: say START=run or mesh too")
     bundle = _bundle_options(bundle_folder(asked.model, models))
     job = _merge([QUALITY[asked.quality], bundle, given], environment.get("JOB") or "")
     if isinstance(written, str) and written in QUALITY and written != asked.quality:
@@ -229,11 +255,11 @@ def _parse_switch(name: str, text: str) -> bool:
     return text == "1"
 
 
-def _parse_sigma(text: str) -> float:
+def _parse_number(name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise InputError(f"SIGMA_S is {short(text)}, expected a number such as 0.3") from None
+        raise InputError(f"{name} is {short(text)}, expected a number such as 0.3") from None
 
 
 def _bundle_options(folder: Path) -> dict[str, Any]:

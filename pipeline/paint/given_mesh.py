@@ -18,6 +18,7 @@ from jaxtyping import Float, Int
 
 from pipeline import arrays
 from pipeline.errors import InputError
+from pipeline.mesh.coloured import ColouredMesh
 from pipeline.mesh.mesh import Mesh
 from pipeline.mesh.readers import InputMesh
 
@@ -44,7 +45,7 @@ class PaintMesh(NamedTuple):
         return Mesh(self.unit * radius, self.faces, self.uv, self.uv_faces)
 
 
-def to_unit_ball(mesh: InputMesh, up: str, front: str) -> Float[np.ndarray, "v 3"]:
+def to_unit_ball(mesh: InputMesh | ColouredMesh, up: str, front: str) -> Float[np.ndarray, "v 3"]:
     """Return the vertices turned, centred and scaled; `up` and `front` name axes of the file, such as +z.
 
     Raises:

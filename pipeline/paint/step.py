@@ -96,13 +96,17 @@ def shown_views(pool: Pool) -> list[ViewWeights]:
 
 
 def initial_paint(
-    options: TrainPaint, pool: Pool, backgrounds: Float[np.ndarray, "k 4"], seed: int
+    options: TrainPaint,
+    pool: Pool,
+    backgrounds: Float[np.ndarray, "k 4"],
+    seed: int,
+    start: Float[np.ndarray, "n 4"] | None = None,
 ) -> PaintState:
-    """Return the state before the first step."""
+    """Return the state before the first step, with the colours of a `start`, else with noise."""
     rng = np.random.default_rng([seed, 2])
     background = LearnedBackground(rng) if options.background == "learned" else FlatBackground(backgrounds)
     drawn = options.initial_noise * rng.standard_normal((len(pool.seen), 4), np.float32)
-    colours = nn.Parameter(torch.from_numpy(drawn.astype(np.float32)))
+    colours = nn.Parameter(torch.from_numpy((drawn if start is None else start).astype(np.float32)))
     return PaintState(colours, background, paint_optimizer(colours, background, options), rng)
 
 

@@ -13,8 +13,8 @@ _ZOOM = 4
 def latent_preview(
     latents: Float[np.ndarray, "b 4 h w"], opacity: Float[np.ndarray, "b h w"], bundle: Bundle
 ) -> Image.Image:
-    """Return views side by side in colours, over their opacity: by the bundle's linear map, else the paper's of
-    Stable Diffusion, which foreign folders are likely to be."""
+    """Return views side by side in colours, over their opacity: by the bundle's linear map, else by the
+    paper's for Stable Diffusion, which foreign folders are likely to be."""
     rgb = bundle.linear_rgb(latents)
     if rgb is None:
         rgb = (np.einsum("rc,bchw->bhwr", np.array(LATENT_TO_RGB), latents) + 1) / 2

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from pipeline.options.distillation import Distillation
 from pipeline.options.job import Job
+from pipeline.options.start import started
 
 
 class Cost(NamedTuple):
@@ -44,9 +45,30 @@ def sketch(work: Work) -> Cost:
     return Cost(0.3 + 6e-6 * cells, 1e-4 * cells)
 
 
+def _encoding(work: Work) -> float:
+    """Return the seconds of encoding the views of a start."""
+    return work.job.start_fit.views * 2.6e-5 * work.latent_size**2
+
+
+def start(work: Work) -> Cost:
+    """Of encoding views and the fit to them."""
+    train = work.job.train_nerf
+    samples = train.cameras_per_step * work.latent_size**2 * train.samples_per_ray
+    fit = work.job.start_fit.steps * (0.02 + 6e-8 * samples)
+    return Cost(1.0 + _encoding(work) + fit, 150 + 4e-4 * samples)
+
+
+def start_paint(work: Work) -> Cost:
+    """Of the views' weights, their encoding and the least squares."""
+    views = work.job.train_paint.views
+    return Cost(
+        2.0 + 2e-4 * views * work.latent_size + _encoding(work), 150 + 3e-4 * views * work.latent_size**2
+    )
+
+
 def train_nerf(work: Work) -> Cost:
     """Of rendering and the denoiser."""
-    train = work.job.train_nerf
+    train = started(work.job.train_nerf, bool(work.job.start), work.job.strength)
     samples = train.cameras_per_step * (train.resolution or work.latent_size) ** 2 * train.samples_per_ray
     update = 0.02 + 6e-8 * samples
     step = train.updates_per_call * update + 1.5e-4 * denoiser_work(train, work)
@@ -126,7 +148,7 @@ def prepare(work: Work) -> Cost:
 
 def train_paint(work: Work) -> Cost:
     """Of the views' weights and the denoiser."""
-    paint = work.job.train_paint
+    paint = started(work.job.train_paint, bool(work.job.start), work.job.strength)
     side = paint.resolution or work.latent_size
     seconds = 0.5 + 2e-4 * paint.views * side + paint.steps * (0.002 + 1.26e-4 * denoiser_work(paint, work))
     return Cost(seconds, 150 + 3e-4 * paint.views * side**2)

@@ -6,6 +6,7 @@ from urllib.parse import quote
 
 from pipeline.options.job import Job, bundle_folder, token_files
 from pipeline.run.chain import REPORT, stages_of
+from pipeline.run.start_files import start_files
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,11 @@ def snakemake_config(job: Job, run: Path, threads: int = 1) -> dict[str, str | i
     given = {name: Path(path) for name, path in (("mesh", job.mesh), ("sketch", job.sketch)) if path}
     tokens = ",".join(quote(str(path.resolve())) for path in token_files(job.token))
     paths = {"run": run, "bundle": bundle_folder(job.model), **given}
+    start = start_files(job) if job.start else {}
+    named = ",".join(f"{name}={quote(str(path.resolve()))}" for name, path in start.items())
     return {
         **{name: quote(str(path.resolve())) for name, path in paths.items()},
+        **({"start": named} if named else {}),
         "stages": "+".join(stage.name for stage in stages_of(job) if stage is not REPORT),
         "param": job.param,
         **({"tokens": tokens} if tokens else {}),  # Snakemake takes no empty value

@@ -9,10 +9,12 @@ from pipeline.diffusion.sessions import denoiser
 from pipeline.diffusion.view_gradient import distillation_gradient, flat_backgrounds, load_embeddings
 from pipeline.nerf.checkpoint import decode_state, encode_state
 from pipeline.nerf.rendering import count_samples, render_views
-from pipeline.nerf.scene import save_scene
+from pipeline.nerf.scene import load_scene, save_scene
 from pipeline.nerf.sketch_loss import unjudged_share
+from pipeline.nerf.start import started_state
 from pipeline.nerf.step import State, initial_state
 from pipeline.nerf.train import collapse, metrics_of, preview_cameras, train
+from pipeline.options.start import started
 from pipeline.report.latents import latent_preview
 from pipeline.report.png import write_png
 from pipeline.run.stage import Context, execute
@@ -23,8 +25,9 @@ from pipeline.training.nan_report import explained
 
 
 def main(context: Context) -> None:
-    """Read the embeddings, the denoiser, its schedule and the sketch; write the scene and its history."""
-    options, inputs = context.job.train_nerf, context.inputs
+    """Read the embeddings, the denoiser, its schedule, sketch and start; write the scene and its history."""
+    inputs, start = context.inputs, context.inputs.get("start")
+    options = started(context.job.train_nerf, start is not None, context.job.strength)
     bundle = open_bundle(inputs["unet"].parent, verify=False)
     embeddings = load_embeddings(inputs["embeddings"])
     schedule = load_schedule(inputs["scheduler"])
@@ -36,11 +39,16 @@ def main(context: Context) -> None:
         views = render_views(state.scene, cameras, resolution)
         write_png(context.scratch / PREVIEW, latent_preview(views.latents, views.opacity, bundle))
 
+    def initial() -> State:
+        if start is not None:
+            return started_state(load_scene(start), options, context.job.seed)
+        return initial_state(options, flat_backgrounds(embeddings), context.job.seed, sketch)
+
     state, history, resumed_at, warnings = resume(
         "train_nerf",
         context.scratch,
         lambda values: decode_state(values, options),
-        lambda: initial_state(options, flat_backgrounds(embeddings), context.job.seed, sketch),
+        initial,
         show,
     )
 

@@ -11,10 +11,11 @@ from pipeline.diffusion.conditions import conditions_of
 from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.sessions import denoiser
 from pipeline.diffusion.view_gradient import distillation_gradient, flat_backgrounds, load_embeddings
+from pipeline.options.start import started
 from pipeline.paint.checkpoint import decode_state, encode_state
 from pipeline.paint.given_mesh import load_paint_mesh
 from pipeline.paint.step import PaintState, initial_paint, make_pool, shown_views
-from pipeline.paint.surface_latents import Painted, complete, save_painted
+from pipeline.paint.surface_latents import Painted, complete, load_painted, save_painted
 from pipeline.paint.train import train
 from pipeline.report.latents import latent_preview
 from pipeline.report.png import write_png
@@ -26,7 +27,8 @@ from pipeline.training.nan_report import explained
 
 def main(context: Context) -> None:
     """Read the mesh, the embeddings, the denoiser and its schedule; write the latents and their history."""
-    options, inputs, seed = context.job.train_paint, context.inputs, context.job.seed
+    inputs, seed, start = context.inputs, context.job.seed, context.inputs.get("start")
+    options = started(context.job.train_paint, start is not None, context.job.strength)
     bundle = open_bundle(inputs["unet"].parent, verify=False)
     embeddings = load_embeddings(inputs["embeddings"])
     backgrounds = flat_backgrounds(embeddings)
@@ -36,6 +38,10 @@ def main(context: Context) -> None:
     pool = make_pool(mesh, options, texture, options.resolution or bundle.latent_size, seed)
 
     shown = shown_views(pool)
+
+    def initial() -> PaintState:
+        latents = None if start is None else load_painted(start).latents[pool.seen]
+        return initial_paint(options, pool, backgrounds, seed, latents)
 
     def show(state: PaintState) -> None:
         colours, plain = state.colours.detach().numpy(), np.zeros(4, np.float32)
@@ -47,7 +53,7 @@ def main(context: Context) -> None:
         "train_paint",
         context.scratch,
         lambda values: decode_state(values, options, initial_paint(options, pool, backgrounds, 0)),
-        lambda: initial_paint(options, pool, backgrounds, seed),
+        initial,
         show,
     )
 

@@ -1,0 +1,56 @@
+"""The files of what START names: a run's folder, or a mesh of any tool.
+
+A run that made its shape gives its field and the decoder of the model it was made with; where a MESH is to be
+painted, and of a run that painted one, the mesh with its texture. These are the run's own files, whose places
+are the scene's, not the published ones.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipeline.errors import InputError
+from pipeline.mesh.file_checks import buffer_files, colour_files
+from pipeline.options import job as jobs
+from pipeline.options.job import Job
+from pipeline.options.start import FIELDS
+
+TEXTURES = ("albedo_refined.png", "albedo_baked.png")
+
+
+def start_files(job: Job) -> dict[str, Path]:
+    """Return what stage `start` or `start_paint` of a job reads of START, by name.
+
+    Raises:
+        InputError: a file that the mesh needs is missing, or the model of the run.
+    """
+    path = Path(job.start)
+    if path.is_file():
+        extra = [*buffer_files(path), *colour_files(path)]
+        return {"start_file": path} | {f"start_extra{i}": file for i, file in enumerate(extra)}
+    if job.mesh or (path / "mesh.npz").is_file():
+        made = path / "mesh_uv.obj"
+        mesh = path / "mesh.npz" if not made.is_file() else made
+        return {"start_mesh": mesh, "start_albedo": _first(path, TEXTURES)}
+    folder = _model_of(path)
+    description = {"start_description": folder / "bundle.json"} if (folder / "bundle.json").is_file() else {}
+    return {"start_scene": _first(path, FIELDS), "start_decoder": folder / "vae_decoder", **description}
+
+
+def _first(folder: Path, names: tuple[str, ...]) -> Path:
+    """Return the first of the files that is there, else the last."""
+    return next((folder / name for name in names if (folder / name).is_file()), folder / names[-1])
+
+
+def _model_of(run: Path) -> Path:
+    """Return the folder of the model that a run was made with."""
+    described = run / "job.yaml"
+    if not described.is_file():
+        raise InputError(
+            f"START {str(run)!r} has no job.yaml, which names its model: give its asset.glb instead"
+        )
+    model = jobs.load(described).model
+    try:
+        return jobs.bundle_folder(model)
+    except InputError as error:
+        raise InputError(f"START {str(run)!r}: {error}; give its asset.glb instead") from None
