@@ -1,8 +1,8 @@
 """The front door behind make: ``python -m pipeline run | plan | verify | options``.
 
 Takes everything from the environment (PROMPT, NEGATIVE, TOKEN, MODEL, SEED, QUALITY, SKETCH, SIGMA_S, REFINE,
-MESH, PARAM, PROVIDER, JOB, OUT, THREADS, PROFILE, RUN), so that no shell ever reads what a user wrote. Exit
-status: 0, 2 for what the user can mend, 1 for a fault of the program.
+MESH, PARAM, START, STRENGTH, PROVIDER, JOB, OUT, THREADS, PROFILE, RUN), so that no shell ever reads what a
+user wrote. Exit status: 0, 2 for what the user can mend, 1 for a fault of the program.
 """
 
 import argparse
@@ -14,9 +14,12 @@ from pathlib import Path
 from pipeline.errors import InputError
 from pipeline.files import refusal
 from pipeline.options import job as jobs
+from pipeline.options.hand_over import resolve_all
 from pipeline.options.schema import describe
 from pipeline.progress import duration
 from pipeline.run import engine
+from pipeline.run.costs import Cost
+from pipeline.run.sequence import plan_runs, run_jobs
 from pipeline.run.verify import verify
 
 
@@ -49,24 +52,29 @@ def main(arguments: list[str], environment: Mapping[str, str]) -> int:
 
 
 def _run(environment: Mapping[str, str]) -> int:
-    job = jobs.resolve(environment)
-    run = engine.run_job(job, _out(environment), _threads(environment), environment.get("PROFILE") or "local")
+    out, threads, profile = _out(environment), _threads(environment), environment.get("PROFILE") or "local"
+    run = run_jobs(resolve_all(environment, out), out, threads, profile)
     for name in engine.RESULTS:
         print(run / name)
     return 0
 
 
 def _plan(environment: Mapping[str, str]) -> int:
-    job, out = jobs.resolve(environment), _out(environment)
-    planned = engine.plan_run(job, out)
-    print(f"{out / jobs.run_name(job)}")
-    print(f"{'stage':<13} {'':<10} {'time':>9} {'memory':>8}  why")
-    for step, cost in planned:
-        time, memory = (
-            (duration(cost.seconds), f"{cost.memory_mb:.0f} MB") if step.verdict == "run" else ("", "")
-        )
-        print(f"{step.stage:<13} {step.verdict:<10} {time:>9} {memory:>8}  {step.reason}".rstrip())
-    costs = [cost for step, cost in planned if step.verdict == "run"]
+    out = _out(environment)
+    costs: list[Cost] = []
+    chain = resolve_all(environment, out)
+    for job, planned in zip(chain, plan_runs(chain, out), strict=True):
+        print(f"{out / jobs.run_name(job)}" + (f", with {job.model}" if len(chain) > 1 else ""))
+        print(f"{'stage':<13} {'':<10} {'time':>9} {'memory':>8}  why")
+        for step, cost in planned:
+            time, memory = (
+                (duration(cost.seconds), f"{cost.memory_mb:.0f} MB") if step.verdict == "run" else ("", "")
+            )
+            print(f"{step.stage:<13} {step.verdict:<10} {time:>9} {memory:>8}  {step.reason}".rstrip())
+        own = [cost for step, cost in planned if step.verdict == "run"]
+        if own and len(chain) > 1:
+            print(f"about {duration(sum(cost.seconds for cost in own))} with {job.model}\n")
+        costs += own
     if costs:
         total, peak = sum(cost.seconds for cost in costs), max(cost.memory_mb for cost in costs)
         print(

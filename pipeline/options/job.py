@@ -112,8 +112,9 @@ QUALITY: dict[str, dict[str, dict[str, Any]]] = {
 }
 
 
-def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
+def resolve(environment: Mapping[str, str], models: Path = MODELS, coming: str = "") -> Job:
     """Return the complete job that the environment asks for (an empty variable counts as not given).
+    `coming` is a START that will be made before: it need not be there.
 
     Raises:
         InputError: an unknown key, a value of the wrong type or out of range, a model that does not exist.
@@ -167,10 +168,10 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
         raise InputError(f"MESH {short(asked.mesh)} does not exist or is no file: give the path of a mesh")
     if environment.get("PARAM") and not asked.mesh:
         raise InputError("PARAM is given without MESH: it chooses how a given mesh is painted")
-    if asked.start:
+    if asked.start and asked.start != coming:
         check_start(asked.start)
         given["start"] = lasting(asked.start)
-    elif environment.get("STRENGTH"):
+    if environment.get("STRENGTH") and not asked.start:
         raise InputError("STRENGTH is given, but no START that it could act on: say START=run or mesh too")
     bundle = _bundle_options(bundle_folder(asked.model, models))
     job = _merge([QUALITY[asked.quality], bundle, given], environment.get("JOB") or "")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pipeline.report.unneeded import unneeded
+from pipeline.run.start_files import spent
 
 STYLE = """
 :root { color-scheme: light dark; --line: #8884; --dim: #888; }
@@ -65,6 +66,7 @@ def render(page: Page) -> str:
         "<h2>Stages</h2>",
         _stages(page.entries),
         *(_shares(entry) for entry in page.entries),
+        *_before(page),
         "<h2>Left out, since this scene does not need it</h2>",
         f"<ul>{''.join(f'<li>{html.escape(line)}</li>' for line in unneeded(page.entries))}</ul>",
         "<h2>Figures</h2>",
@@ -98,6 +100,17 @@ def _stages(entries: list[dict[str, Any]]) -> str:
     return _table(("stage", "seconds", "peak MB", "taken from"), rows, numeric=frozenset({1, 2}))
 
 
+def _before(page: Page) -> list[str]:
+    """Return what was spent on each run that this one started from, and on this one."""
+    earlier = [row for entry in page.entries for row in entry["metrics"].get("before", ())]
+    if not earlier:
+        return []
+    rows = [*earlier, spent("this run", page.facts["model"], page.entries)]
+    heads = ("run", "model", "calls of its denoiser", "seconds of training", "seconds in all")
+    cells = [tuple(html.escape(str(value)) for value in row.values()) for row in rows]
+    return ["<h2>What each model spent</h2>", _table(heads, cells, numeric=frozenset({2, 3, 4}))]
+
+
 def _shares(entry: dict[str, Any]) -> str:
     """Say where a stage's time went, as a bar."""
     name, metrics = html.escape(entry["stage"]), entry["metrics"]
@@ -115,7 +128,7 @@ def _figures(entry: dict[str, Any]) -> str:
     rows = [
         (html.escape(name.replace("_", " ")), html.escape(_value(value)))
         for name, value in entry["metrics"].items()
-        if name != "warnings"
+        if name not in ("warnings", "before")
     ]
     table = _table(("figure", "value"), rows)
     return f"<details><summary>{html.escape(entry['stage'])}</summary>{table}</details>"

@@ -51,7 +51,7 @@ def plan_run(job: Job, out: Path) -> list[tuple[Step, Cost]]:
     """
     run, folder = out / jobs.run_name(job), jobs.bundle_folder(job.model)
     bundle = open_bundle(folder)
-    return _priced(job, bundle, make_plan(job, run, read_chain(job, run)), machine_pace())
+    return priced(job, bundle, make_plan(job, run, read_chain(job, run)), machine_pace())
 
 
 def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
@@ -75,7 +75,7 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
                 write_text(run / "job.yaml", described)
             say(f"nothing to do: every file of {run} is as it was made")
             return run
-        _check_room(run, _priced(job, open_bundle(folder), steps, pace))
+        _check_room(run, priced(job, open_bundle(folder), steps, pace))
         write_text(run / "job.yaml", described)
         for reason in (run / "stages").glob("*.error"):
             reason.unlink()
@@ -107,7 +107,8 @@ def environment(threads: int, base: Mapping[str, str]) -> dict[str, str]:
     }
 
 
-def _priced(job: Job, bundle: Bundle, steps: list[Step], pace: float) -> list[tuple[Step, Cost]]:
+def priced(job: Job, bundle: Bundle, steps: list[Step], pace: float) -> list[tuple[Step, Cost]]:
+    """Return the steps with what each would cost on a machine of that pace."""
     graphs = [*REQUIRED_GRAPHS, *OPTIONAL_GRAPHS]
     weights = {
         name: sum(file.stat().st_size for file in (bundle.path / name).rglob("*")) / 2**20 for name in graphs

@@ -7,13 +7,16 @@ are the scene's, not the published ones.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 from pipeline.errors import InputError
 from pipeline.mesh.file_checks import buffer_files, colour_files
 from pipeline.options import job as jobs
 from pipeline.options.job import Job
 from pipeline.options.start import FIELDS
+from pipeline.run.chain import STAGES
 
 TEXTURES = ("albedo_refined.png", "albedo_baked.png")
 
@@ -35,6 +38,32 @@ def start_files(job: Job) -> dict[str, Path]:
     folder = _model_of(path)
     description = {"start_description": folder / "bundle.json"} if (folder / "bundle.json").is_file() else {}
     return {"start_scene": _first(path, FIELDS), "start_decoder": folder / "vae_decoder", **description}
+
+
+def spent_before(file: Path) -> list[dict[str, Any]]:
+    """Return what was spent on the run that holds a file, and on what that started from, the earliest first:
+    by run its name, model, seconds, and calls of the denoiser (steps). Nothing where no manifest says it.
+
+    For people to read: it is no input, since seconds differ between equal runs.
+    """
+    try:
+        manifest = json.loads((file.parent / "manifest.json").read_text(encoding="utf-8"))
+        earlier = [row for entry in manifest["stages"] for row in entry["metrics"].get("before", ())]
+        return [*earlier, spent(file.parent.resolve().name, manifest["job"]["model"], manifest["stages"])]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return []
+
+
+def spent(run: str, model: str, entries: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return what the stages of a run took."""
+    asking = [entry for entry in entries if STAGES[entry["stage"]].training]
+    return {
+        "run": run,
+        "model": model,
+        "calls": sum(entry["metrics"]["steps"] for entry in asking),
+        "training_seconds": round(sum(entry["seconds"] for entry in asking), 1),
+        "seconds": round(sum(entry["seconds"] for entry in entries), 1),
+    }
 
 
 def _first(folder: Path, names: tuple[str, ...]) -> Path:

@@ -56,7 +56,7 @@ def main(context: Context) -> None:
         prompt=facts["prompt"],
         negative=facts["negative"],
         facts={
-            **{name: Path(facts[name]).name for name in ("sketch", "mesh") if facts[name]},
+            **{name: Path(facts[name]).name for name in ("sketch", "mesh", "start") if facts[name]},
             **{name: str(facts[name]) for name in ("model", "quality", "seed")},
         },
         entries=entries,

@@ -45,6 +45,7 @@ from pipeline.paint.start import mesh_pictures, start_mesh
 from pipeline.report.latents import latent_preview
 from pipeline.report.png import write_png
 from pipeline.run.stage import Context, Progress, execute
+from pipeline.run.start_files import spent_before
 from pipeline.sketch.lattice import Sketch
 from pipeline.sketch.winding import orient_outwards, tabulate
 from pipeline.training import checkpoints
@@ -120,7 +121,12 @@ def main(context: Context) -> None:
     own = open_bundle(inputs["vae_decoder"].parent, verify=False)
     scene = load_scene(inputs["start_scene"]) if "start_scene" in inputs else None
     same = scene is not None and path_sha256(inputs["start_decoder"]) == path_sha256(inputs["vae_decoder"])
-    context.metrics.update(warnings=[], fitted=not same or scene is None or scene.rgb is not None)
+    source = inputs.get("start_scene") or inputs.get("start_mesh")
+    context.metrics.update(
+        before=spent_before(source) if source else [],
+        warnings=[],
+        fitted=not same or scene is None or scene.rgb is not None,
+    )
     if scene is not None and not context.metrics["fitted"]:
         save_scene(context.outputs["scene"], scene)
         return

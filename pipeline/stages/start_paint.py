@@ -14,6 +14,7 @@ from pipeline.paint.start import mesh_pictures, solve_colours, start_mesh
 from pipeline.paint.step import make_pool
 from pipeline.paint.surface_latents import Painted, complete, save_painted
 from pipeline.run.stage import Context, Progress, execute
+from pipeline.run.start_files import spent_before
 from pipeline.training.encoded import Backdrops, encode_groups
 
 
@@ -39,9 +40,10 @@ def main(context: Context) -> None:
         known = encode_groups(
             groups, mesh_pictures(source), encode, backdrops, bundle.image_size, rng, progress.update
         )
+    before = spent_before(inputs["start_mesh"]) if "start_mesh" in inputs else []
     latents, metrics = complete(mesh, pool.seen, solve_colours(pool, known), side)
     save_painted(context.outputs["painted"], Painted(latents, side, options.mesh_radius))
-    context.metrics.update(views=sum(len(group.latents) for group in known), **metrics)
+    context.metrics.update(before=before, views=sum(len(group.latents) for group in known), **metrics)
 
 
 if __name__ == "__main__":

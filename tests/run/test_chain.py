@@ -39,7 +39,7 @@ def test_trainings_name_a_section_of_their_options() -> None:
 def test_a_job_has_the_stages_that_it_asks_for() -> None:
     plain = [stage.name for stage in stages_of(Job(prompt="x"))]
     assert plain == [stage.name for stage in TEXT if not stage.optional] + ["report"]
-    whole = stages_of(Job(prompt="x", sketch="a.obj", refine=True))
+    whole = stages_of(Job(prompt="x", sketch="a.obj", start="b.glb", refine=True))
     assert whole == [*TEXT, REPORT]
     assert [stage.name for stage in stages_of(Job(prompt="x", mesh="a.obj"))] == [
         stage.name for stage in (*PAINT, REPORT) if not stage.optional
