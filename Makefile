@@ -2,7 +2,7 @@
 #
 # What a user writes is never executed: each variable below is taken as it stands (value), never expanded, and
 # reaches Python through the environment, so neither make nor the shell nor Snakemake reads it.
-USER_VARIABLES := PROMPT NEGATIVE MODEL SEED QUALITY JOB OUT THREADS PROFILE RUN SKETCH SIGMA_S MESH PARAM START STRENGTH REFINE TOKEN ONLY PROVIDER \
+USER_VARIABLES := PROMPT NEGATIVE MODEL SEED SEEDS QUALITY JOB OUT THREADS PROFILE RUN SKETCH SIGMA_S MESH PARAM START STRENGTH REFINE TOKEN ONLY PROVIDER \
 	IMAGES NAME CHECKPOINT STORAGE SHAPES GRADIENT PREDICTION
 $(foreach name,$(USER_VARIABLES),$(eval override $(name) := $$(value $(name))))
 export $(USER_VARIABLES)

@@ -3,7 +3,7 @@
     make bench ONLY=hand-over
 
 Oracles: a scene is learned from the ideal denoiser of its *blurred* pictures first (a draft of 100 calls),
-then goes on with the exact one, which sets out from the noise level `strength` (options.start.set_out) with
+then goes on with the exact one, which sets out from the noise level `strength` (options.start.started) with
 that share of 200 calls. `psnr` of held-out views [dB, latents of range 2], `chamfer` [scene units].
 `exact_calls_share`: the least share of 200 exact calls, among those measured, after which every scene's views
 are as good as after 200 exact calls from nothing; None if one never is.
@@ -35,18 +35,18 @@ from benchmarks._truths import Truth, analytic_scenes
 from pipeline.cameras import Camera
 from pipeline.nerf import train as nerf_train
 from pipeline.nerf.scene import Scene, load_scene, save_scene
-from pipeline.nerf.start import started_state
+from pipeline.nerf.start import STARTED_COOLING, started_state
 from pipeline.nerf.step import State, initial_state
 from pipeline.options.job import Job
 from pipeline.options.schema import plain
-from pipeline.options.start import set_out
+from pipeline.options.start import started
 from pipeline.run import staleness
 
 CACHE = Path("runs/bench/hand-over")
 SCENES = ("ball", "boxes")
 BLUR = 1.5
 """Standard deviation of what the weak denoiser believes in [latent pixels]."""
-STRENGTHS = (0.1, 0.25)
+STRENGTHS = (0.25, 0.5)
 NOTHING, DRAFT = "from nothing", "the weak one's draft"
 
 
@@ -59,20 +59,20 @@ def blurred(draw: Draw) -> Draw:
     return picture
 
 
-def learn(truth: Truth, job: Job, draw: Draw, state: State) -> dict[str, Any]:
+def learn(truth: Truth, job: Job, draw: Draw, state: State, cooling: float = 0.0) -> dict[str, Any]:
     """Train a state with the ideal denoiser of what `draw` shows; return its errors against the truth."""
     options = job.train_nerf
     guidance = ideal_guidance(
         draw, signal_power=options.signal_power, clean_clamp=options.predicted_clean_clamp
     )
-    nerf_train.train(state, [], options, RESOLUTION, guidance)
+    nerf_train.train(state, [], options, RESOLUTION, guidance, cooling=cooling)
     psnr = views_psnr(state.scene, truth, held_out(options), RESOLUTION)
     return {"calls": state.step, "psnr": round(psnr, 3), **shape_error(state.scene, truth, job)}
 
 
 def set_out_from(job: Job, scene: Scene, strength: float) -> tuple[Job, State]:
     """Return the job and the state of a training that goes on from a scene."""
-    options = set_out(job.train_nerf, strength)
+    options = started(job.train_nerf, job.start_fit, strength)
     return dataclasses.replace(job, train_nerf=options), started_state(scene, options, job.seed)
 
 
@@ -100,7 +100,7 @@ def measure(name: str) -> dict[str, dict[str, Any]]:
 
         def gone_on(strength: float = strength) -> dict[str, Any]:
             job, state = set_out_from(standard, load_scene(scene_file), strength)
-            return learn(truth, job, truth.draw, state)
+            return learn(truth, job, truth.draw, state, STARTED_COOLING)
 
         said = f"strength {strength:g}"
         rows[said] = kept(name, said, standard, gone_on)

@@ -25,6 +25,8 @@ from pipeline.training.encoded import Group, KnownViews
 
 COOLING = 0.5
 """Last share of the fit, over which the rates fall to a tenth."""
+STARTED_COOLING = 0.4
+"""Last share of a training that goes on from a scene, over which the rates fall: it begins near its end."""
 _STRICT = 0.05
 """SIGMA_S of the fit to a mesh, whose shape is known."""
 

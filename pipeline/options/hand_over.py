@@ -37,7 +37,7 @@ def resolve_all(environment: Mapping[str, str], out: Path, models: Path = MODELS
             asked |= {"QUALITY": "draft", "REFINE": "0"}
         if before:
             own = "" if environment.get("START") else environment.get("STRENGTH")
-            asked |= {"START": before, "STRENGTH": own or STRENGTH}
+            asked |= {"START": before, "STRENGTH": own or STRENGTH, "SEEDS": "1"}
         elif not environment.get("START"):
             asked.pop("STRENGTH", None)
         found.append(jobs.resolve(asked, models, before))

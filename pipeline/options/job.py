@@ -2,7 +2,7 @@
 
 A job is resolved from, in rising order of precedence: the defaults below (the paper's values where it gives
 them), the quality table, the ``distillation`` section of the model's bundle.json, the YAML file named by
-JOB, and the environment variables PROMPT, NEGATIVE, TOKEN, MODEL, SEED, QUALITY, SKETCH, SIGMA_S,
+JOB, and the environment variables PROMPT, NEGATIVE, TOKEN, MODEL, SEED, SEEDS, QUALITY, SKETCH, SIGMA_S,
 REFINE, MESH, PARAM, START, STRENGTH and PROVIDER. The resolved job is complete: it is what a run's job.yaml
 holds, and its hash names the run's folder.
 
@@ -22,7 +22,7 @@ import yaml
 from pipeline.errors import InputError
 from pipeline.options.asset import Bake, Clean, Extract, Publish, Unwrap
 from pipeline.options.distillation import Distillation
-from pipeline.options.nerf import Refinement, SketchField, TrainNerf
+from pipeline.options.nerf import Contest, Refinement, SketchField, TrainNerf
 from pipeline.options.paint import BakePaint, Prepare, TrainPaint
 from pipeline.options.schema import build, check, check_text, option, plain, read_yaml, short
 from pipeline.options.start import StartFit, check_start, lasting
@@ -40,6 +40,8 @@ class Job:
     token: str = option("", "textual inversion: files of learned tokens in the prompt, commas between them")
     model: str = option(DEFAULT_MODEL, "a folder under onnx_models/, or a path to one")
     seed: int = option(0, "seed of every random number", 0, 2**32 - 1)
+    seeds: int = option(1, "so many seeds, from `seed` on, begin; the best one goes on", 1, 64)
+    contest: Contest = field(default_factory=Contest)
     provider: Literal["cpu", "cuda", "tensorrt", "rocm", "migraphx", "openvino", "dml", "coreml"] = option(
         "cpu", "what onnxruntime runs the model on"
     )
@@ -136,8 +138,9 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS, coming: str =
     for variable in plain:
         if environment.get(variable):
             given[variable.lower()] = environment[variable]
-    if environment.get("SEED"):
-        given["seed"] = _parse_seed(environment["SEED"])
+    for variable in ("SEED", "SEEDS"):
+        if environment.get(variable):
+            given[variable.lower()] = _parse_whole(variable, environment[variable])
     if environment.get("REFINE"):
         given["refine"] = _parse_switch("REFINE", environment["REFINE"])
     if environment.get("SIGMA_S"):
@@ -152,6 +155,11 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS, coming: str =
         raise InputError(
             "SKETCH and MESH are given: a sketch guides a new shape, a mesh is painted as it is; "
             "leave one out"
+        )
+    if asked.seeds > 1 and (asked.mesh or asked.start):
+        raise InputError(
+            f"SEEDS is {asked.seeds} and {'MESH' if asked.mesh else 'START'} is given: seeds differ in the "
+            "shape that they find from nothing; leave SEEDS out, or the other"
         )
     if environment.get("SIGMA_S") and not asked.sketch:
         raise InputError("SIGMA_S is given, but no sketch that it could act on: say SKETCH=file too")
@@ -170,9 +178,11 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS, coming: str =
         raise InputError("PARAM is given without MESH: it chooses how a given mesh is painted")
     if asked.start and asked.start != coming:
         check_start(asked.start)
-        given["start"] = lasting(asked.start)
     if environment.get("STRENGTH") and not asked.start:
         raise InputError("STRENGTH is given, but no START that it could act on: say START=run or mesh too")
+    for name in ("start", "mesh", "sketch"):
+        if path := getattr(asked, name):
+            given[name] = lasting(path)
     bundle = _bundle_options(bundle_folder(asked.model, models))
     job = _merge([QUALITY[asked.quality], bundle, given], environment.get("JOB") or "")
     if isinstance(written, str) and written in QUALITY and written != asked.quality:
@@ -244,9 +254,10 @@ def run_name(job: Job) -> str:
     return f"{slug or 'prompt'}-{digest[:10]}"
 
 
-def _parse_seed(text: str) -> int:
+def _parse_whole(name: str, text: str) -> int:
     if not re.fullmatch(r"[+-]?\d{1,20}", text.strip(), flags=re.ASCII):
-        raise InputError(f"SEED is {short(text)}, expected a whole number from 0 to {2**32 - 1}")
+        most = {"SEED": f"0 to {2**32 - 1}", "SEEDS": "1 to 64"}[name]
+        raise InputError(f"{name} is {short(text)}, expected a whole number from {most}")
     return int(text)
 
 

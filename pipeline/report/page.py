@@ -44,6 +44,8 @@ class Page:
     links: list[tuple[str, str, int | None]]
     """Files of the run: path relative to the page, what it is, bytes (None: not written yet)."""
     job_yaml: str
+    contest_png: bytes | None = None
+    """A row of views for each seed; None: there was one."""
 
 
 def render(page: Page) -> str:
@@ -66,6 +68,7 @@ def render(page: Page) -> str:
         "<h2>Stages</h2>",
         _stages(page.entries),
         *(_shares(entry) for entry in page.entries),
+        *_contest(page),
         *_before(page),
         "<h2>Left out, since this scene does not need it</h2>",
         f"<ul>{''.join(f'<li>{html.escape(line)}</li>' for line in unneeded(page.entries))}</ul>",
@@ -100,6 +103,30 @@ def _stages(entries: list[dict[str, Any]]) -> str:
     return _table(("stage", "seconds", "peak MB", "taken from"), rows, numeric=frozenset({1, 2}))
 
 
+def _contest(page: Page) -> list[str]:
+    """Return the sheet of the seeds that began, and how well each agreed with the text."""
+    entry = next((entry for entry in page.entries if entry["stage"] == "contest"), None)
+    if entry is None or page.contest_png is None:
+        return []
+    metrics = entry["metrics"]
+    rows = [
+        (
+            seed,
+            f"{row['score']:.4f}",
+            f"{row['loss_told']:.4f}",
+            f"{row['loss_untold']:.4f}",
+            "goes on" if seed == str(metrics["chosen_seed"]) else "",
+        )
+        for seed, row in metrics["scores"].items()
+    ]
+    heads = ("seed", "score", "loss with the text", "loss without", "")
+    return [
+        "<h2>Seeds</h2>",
+        f'<img alt="a row of views for each seed" src="{_inline("image/png", page.contest_png)}">',
+        _table(heads, rows, numeric=frozenset({1, 2, 3})),
+    ]
+
+
 def _before(page: Page) -> list[str]:
     """Return what was spent on each run that this one started from, and on this one."""
     earlier = [row for entry in page.entries for row in entry["metrics"].get("before", ())]
@@ -128,7 +155,7 @@ def _figures(entry: dict[str, Any]) -> str:
     rows = [
         (html.escape(name.replace("_", " ")), html.escape(_value(value)))
         for name, value in entry["metrics"].items()
-        if name not in ("warnings", "before")
+        if name not in ("warnings", "before", "scores")
     ]
     table = _table(("figure", "value"), rows)
     return f"<details><summary>{html.escape(entry['stage'])}</summary>{table}</details>"

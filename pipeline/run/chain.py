@@ -52,8 +52,16 @@ TEXT = (
         together=_ENCODING,
     ),
     Stage(
+        "contest",
+        ("seed", "seeds", "contest", "train_nerf", "provider"),
+        lambda job: job.seeds > 1,
+        "several seeds",
+        networks=("unet",),
+        training="train_nerf",
+    ),
+    Stage(
         "train_nerf",
-        ("seed", "strength", "train_nerf", "provider"),
+        ("seed", "start_fit", "strength", "train_nerf", "provider"),
         networks=("unet",),
         training="train_nerf",
     ),
@@ -104,7 +112,7 @@ PAINT = (
 
 REPORT = Stage(
     "report",
-    ("prompt", "negative", "token", "model", "sketch", "refine", "mesh", "start", "seed", "quality"),
+    ("prompt", "negative", "token", "model", "sketch", "refine", "mesh", "start", "seed", "seeds", "quality"),
 )
 """The last stage of both."""
 

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 from pipeline.options.distillation import Distillation
 from pipeline.options.job import Job
-from pipeline.options.start import started
+from pipeline.options.nerf import TrainNerf
+from pipeline.options.start import set_out, started
 
 
 class Cost(NamedTuple):
@@ -66,13 +67,27 @@ def start_paint(work: Work) -> Cost:
     )
 
 
-def train_nerf(work: Work) -> Cost:
-    """Of rendering and the denoiser."""
-    train = started(work.job.train_nerf, bool(work.job.start), work.job.strength)
+def _distilling(train: TrainNerf, work: Work, steps: float) -> Cost:
+    """Of so many steps of rendering and the denoiser."""
     samples = train.cameras_per_step * (train.resolution or work.latent_size) ** 2 * train.samples_per_ray
     update = 0.02 + 6e-8 * samples
     step = train.updates_per_call * update + 1.5e-4 * denoiser_work(train, work)
-    return Cost(train.steps * step, 150 + 4e-4 * samples)
+    return Cost(steps * step, 150 + 4e-4 * samples)
+
+
+def contest(work: Work) -> Cost:
+    """Of the beginning of every seed."""
+    job = work.job
+    return _distilling(job.train_nerf, work, job.seeds * (job.contest.share * job.train_nerf.steps + 3))
+
+
+def train_nerf(work: Work) -> Cost:
+    """Of the steps that are left."""
+    train = work.job.train_nerf
+    if work.job.start:
+        train = started(train, work.job.start_fit, work.job.strength)
+    done = work.job.contest.share if work.job.seeds > 1 else 0.0
+    return _distilling(train, work, (1 - done) * train.steps)
 
 
 def _refinement(work: Work) -> tuple[float, float, int]:
@@ -148,7 +163,9 @@ def prepare(work: Work) -> Cost:
 
 def train_paint(work: Work) -> Cost:
     """Of the views' weights and the denoiser."""
-    paint = started(work.job.train_paint, bool(work.job.start), work.job.strength)
+    paint = work.job.train_paint
+    if work.job.start:
+        paint = set_out(paint, work.job.strength)
     side = paint.resolution or work.latent_size
     seconds = 0.5 + 2e-4 * paint.views * side + paint.steps * (0.002 + 1.26e-4 * denoiser_work(paint, work))
     return Cost(seconds, 150 + 3e-4 * paint.views * side**2)

@@ -68,6 +68,7 @@ def main(context: Context) -> None:
             if name in files or name == outputs["manifest"].name
         ],
         job_yaml=to_yaml(context.job),
+        contest_png=inputs["contest_sheet"].read_bytes() if "contest_sheet" in inputs else None,
     )
     outputs["report"].write_text(render(page), encoding="utf-8")
     manifest = make_manifest(facts, entries, files | {outputs["report"].name: outputs["report"]})

@@ -11,7 +11,7 @@ from pipeline.diffusion.conditions import conditions_of
 from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.sessions import denoiser
 from pipeline.diffusion.view_gradient import distillation_gradient, flat_backgrounds, load_embeddings
-from pipeline.options.start import started
+from pipeline.options.start import set_out
 from pipeline.paint.checkpoint import decode_state, encode_state
 from pipeline.paint.given_mesh import load_paint_mesh
 from pipeline.paint.step import PaintState, initial_paint, make_pool, shown_views
@@ -28,7 +28,9 @@ from pipeline.training.nan_report import explained
 def main(context: Context) -> None:
     """Read the mesh, the embeddings, the denoiser and its schedule; write the latents and their history."""
     inputs, seed, start = context.inputs, context.job.seed, context.inputs.get("start")
-    options = started(context.job.train_paint, start is not None, context.job.strength)
+    options = context.job.train_paint
+    if start is not None:
+        options = set_out(options, context.job.strength)
     bundle = open_bundle(inputs["unet"].parent, verify=False)
     embeddings = load_embeddings(inputs["embeddings"])
     backgrounds = flat_backgrounds(embeddings)

@@ -1,5 +1,6 @@
 """Where a training with a start sets out, and what START may name."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -7,7 +8,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.options.job import resolve
 from pipeline.options.nerf import TrainNerf
-from pipeline.options.start import check_start, lasting, set_out, started
+from pipeline.options.start import StartFit, check_start, lasting, set_out, started
 
 ANNEALED = TrainNerf(steps=200, timestep_min=0.2, timestep_max=0.98, timestep_max_end=0.4)
 
@@ -22,7 +23,8 @@ def test_strength_says_the_noise_level_and_the_steps() -> None:
     assert little.timestep_max == little.timestep_max_end == pytest.approx(0.278)
     assert set_out(ANNEALED, 1.0) == ANNEALED
     assert set_out(TrainNerf(steps=1), 0.01).steps == 1
-    assert started(ANNEALED, False, 0.1) is ANNEALED
+    assert started(ANNEALED, StartFit(updates_per_call=5), 1.0) == replace(ANNEALED, updates_per_call=5)
+    assert started(replace(ANNEALED, updates_per_call=9), StartFit(), 1.0).updates_per_call == 9
 
 
 def finished(run: Path) -> Path:
@@ -38,6 +40,10 @@ def test_a_link_is_followed_when_the_job_is_made(tmp_path: Path) -> None:
     assert lasting(str(tmp_path / "runs" / "latest")) == str(run)
     job = resolve({"PROMPT": "x", "START": str(tmp_path / "runs" / "latest")})
     assert job.start == str(run)
+    (run / "asset.obj").write_text("")
+    job = resolve({"PROMPT": "x", "MESH": str(tmp_path / "runs" / "latest" / "asset.obj")})
+    assert job.mesh == str(run / "asset.obj")
+    assert lasting(str(run / "asset.obj")) == str(run / "asset.obj")
 
 
 def test_hostile_values_end_in_one_line(tmp_path: Path) -> None:
