@@ -37,9 +37,9 @@ from pipeline.nerf import train as nerf_train
 from pipeline.nerf.scene import Scene, load_scene, save_scene
 from pipeline.nerf.start import STARTED_COOLING, started_state
 from pipeline.nerf.step import State, initial_state
-from pipeline.options.job import Job
-from pipeline.options.schema import plain
-from pipeline.options.start import started
+from pipeline.options.job import HAND_OVER, Job
+from pipeline.options.schema import build, plain
+from pipeline.options.start import StartFit, started
 from pipeline.run import staleness
 
 CACHE = Path("runs/bench/hand-over")
@@ -72,7 +72,7 @@ def learn(truth: Truth, job: Job, draw: Draw, state: State, cooling: float = 0.0
 
 def set_out_from(job: Job, scene: Scene, strength: float) -> tuple[Job, State]:
     """Return the job and the state of a training that goes on from a scene."""
-    options = started(job.train_nerf, job.start_fit, strength)
+    options = started(job.train_nerf, build(StartFit, HAND_OVER["start_fit"]), strength)
     return dataclasses.replace(job, train_nerf=options), started_state(scene, options, job.seed)
 
 

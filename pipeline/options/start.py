@@ -24,10 +24,8 @@ class StartFit:
     radius: float = option(
         0.75, "a mesh is scaled into a ball of this radius round the centre [scene units]", 0.1, 0.95
     )
-    # Oracles (`ONLY=hand-over`), 50 calls from a blurred start: a ball 31.4, 31.4 and 31.7 dB with 2, 4 and 6
-    # steps a call, a chair of boxes 29.9, 29.8, 30.1; 12 are no better than 6.
     updates_per_call: int = option(
-        6, "optimiser steps a call of the denoiser when training goes on, unless train_nerf has more", 1, 64
+        0, "optimiser steps a call when training goes on; 0: those of train_nerf, of MODEL=a,b 6", 0, 64
     )
     cells: int = option(96, "cells along a side of the box, for the winding number of a mesh", 8, 256)
 
@@ -54,7 +52,7 @@ def set_out(training: T, strength: float) -> T:
 
 def started(training: TrainNerf, fit: StartFit, strength: float) -> TrainNerf:
     """Return the options of a field's training that goes on from a start."""
-    updates = max(training.updates_per_call, fit.updates_per_call)
+    updates = fit.updates_per_call or training.updates_per_call
     return replace(set_out(training, strength), updates_per_call=updates)
 
 

@@ -6,9 +6,12 @@ on two threads of a Zen 3 core.
 
 from typing import NamedTuple
 
+from pipeline.diffusion.bundle import STABLE_DIFFUSION_LATENTS
+from pipeline.options.asset import Bake
 from pipeline.options.distillation import Distillation
 from pipeline.options.job import Job
 from pipeline.options.nerf import TrainNerf
+from pipeline.options.paint import BakePaint
 from pipeline.options.start import set_out, started
 
 
@@ -130,21 +133,23 @@ def unwrap(work: Work) -> Cost:
     return Cost(0.4 + 1.9e-6 * faces**1.5, 4e-3 * faces)
 
 
-def _baking(views: int, view_resolution: int, texture: int, latent_size: int) -> Cost:
+def _baking(options: Bake | BakePaint, latent_size: int) -> Cost:
+    # A latent pixel stands for eight of the picture where these are large.
+    large = latent_size >= STABLE_DIFFUSION_LATENTS
+    views = min(options.views, options.large_views) if large else options.views
+    view_resolution, texture = options.view_resolution, options.texture
     texels, side = texture**2, view_resolution or max(latent_size, 64)
     return Cost(views * (1.8e-5 * side**2 + 3e-8 * texels), 50 + 1e-4 * texels)
 
 
 def bake(work: Work) -> Cost:
     """Of decoding and projecting the views."""
-    options = work.job.bake
-    return _baking(options.views, options.view_resolution, options.texture, work.latent_size)
+    return _baking(work.job.bake, work.latent_size)
 
 
 def bake_paint(work: Work) -> Cost:
     """Of decoding and projecting the views."""
-    options = work.job.bake_paint
-    return _baking(options.views, options.view_resolution, options.texture, work.latent_size)
+    return _baking(work.job.bake_paint, work.latent_size)
 
 
 def publish(work: Work) -> Cost:

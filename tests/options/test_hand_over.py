@@ -31,6 +31,7 @@ def test_each_model_goes_on_from_the_run_before(models: Path, tmp_path: Path) ->
     assert first.start == ""
     assert second.start == str(tmp_path / "out" / run_name(first))
     assert third.start == str(tmp_path / "out" / run_name(second))
+    assert (first.start_fit.updates_per_call, second.start_fit.updates_per_call) == (0, 6)
     assert second.strength == third.strength == float(STRENGTH)
 
 
