@@ -115,8 +115,8 @@ QUALITY: dict[str, dict[str, dict[str, Any]]] = {
 
 
 # What a model takes over: calls are what the hand-over saves, optimiser steps cost less. Oracles (`make bench
-# ONLY=hand-over`), 50 calls from a blurred start: a ball 31.4, 31.4 and 31.7 dB with 2, 4 and 6 steps a call, a
-# chair of boxes 29.9, 29.8 and 30.1; 12 are no better than 6.
+# ONLY=hand-over`), 50 calls from a blurred start: a ball 31.4, 31.4 and 31.7 dB with 2, 4 and 6 steps a call,
+# a chair of boxes 29.9, 29.8 and 30.1; 12 are no better than 6.
 HAND_OVER: dict[str, dict[str, Any]] = {"start_fit": {"updates_per_call": 6}}
 
 
