@@ -5,8 +5,8 @@
 Oracles: a scene is learned from the ideal denoiser of its *blurred* pictures first (a draft of 100 calls),
 then goes on with the exact one, which sets out from the noise level `strength` (options.start.started) with
 that share of 200 calls. `psnr` of held-out views [dB, latents of range 2], `chamfer` [scene units].
-`exact_calls_share`: the least share of 200 exact calls, among those measured, after which every scene's views
-are as good as after 200 exact calls from nothing; None if one never is.
+`exact_calls_share`: the share of 200 exact calls after which the views of every scene are as good as after 200
+exact calls from nothing, the first of `STRENGTHS` that suffices; None if none does.
 
 Latents: a scene of the bundled model is handed over to a bundle of other latents, of another size (a linear
 autoencoder of 2 x 2 pixels, made here): `handover_psnr` of its views, decoded by the second model, against
@@ -104,6 +104,8 @@ def measure(name: str) -> dict[str, dict[str, Any]]:
 
         said = f"strength {strength:g}"
         rows[said] = kept(name, said, standard, gone_on)
+        if rows[said]["psnr"] >= rows[NOTHING]["psnr"]:
+            break
     return rows
 
 
