@@ -5,8 +5,8 @@
 Oracles: a scene is learned from the ideal denoiser of its *blurred* pictures first (a draft of 100 calls),
 then goes on with the exact one, which sets out from the noise level `strength` (options.start.started) with
 that share of 200 calls. `psnr` of held-out views [dB, latents of range 2], `chamfer` [scene units].
-`exact_calls_share`: the share of 200 exact calls after which the views of every scene are as good as after 200
-exact calls from nothing, the first of `STRENGTHS` that suffices; None if none does.
+`exact_calls_share`: the share of 200 exact calls after which the views of every scene are as good as after
+200 exact calls from nothing, the first of `STRENGTHS` that suffices; None if none does.
 
 Latents: a scene of the bundled model is handed over to a bundle of other latents, of another size (a linear
 autoencoder of 2 x 2 pixels, made here): `handover_psnr` of its views, decoded by the second model, against
@@ -73,7 +73,9 @@ def learn(truth: Truth, job: Job, draw: Draw, state: State, cooling: float = 0.0
 def set_out_from(job: Job, scene: Scene, strength: float) -> tuple[Job, State]:
     """Return the job and the state of a training that goes on from a scene."""
     options = started(job.train_nerf, build(StartFit, HAND_OVER["start_fit"]), strength)
-    return dataclasses.replace(job, train_nerf=options), started_state(scene, options, job.seed)
+    return dataclasses.replace(job, train_nerf=options), started_state(
+        scene, options, backgrounds(), job.seed
+    )
 
 
 def measure(name: str) -> dict[str, dict[str, Any]]:

@@ -110,10 +110,15 @@ def settled(state: State) -> Scene:
     return scene
 
 
-def started_state(scene: Scene, options: TrainNerf, seed: int) -> State:
-    """Return the state before the first step of a training that goes on from `scene`."""
+def started_state(
+    scene: Scene, options: TrainNerf, backgrounds: Float[np.ndarray, "k 4"], seed: int
+) -> State:
+    """Return the state before the first step of a training that goes on from `scene`, before flat
+    `backgrounds` unless one is learned."""
     rng = np.random.default_rng(seed)
     scene.samples_per_ray = options.samples_per_ray
-    if options.background == "learned" and not isinstance(scene.background, LearnedBackground):
+    if options.background == "random":
+        scene.background = FlatBackground(backgrounds)
+    elif not isinstance(scene.background, LearnedBackground):
         scene.background = LearnedBackground(rng)
     return State(scene, make_optimizer(scene, options), rng)

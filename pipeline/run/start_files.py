@@ -15,6 +15,7 @@ from pipeline.errors import InputError
 from pipeline.mesh.file_checks import buffer_files, colour_files
 from pipeline.options import job as jobs
 from pipeline.options.job import Job
+from pipeline.options.schema import read_yaml
 from pipeline.options.start import FIELDS
 from pipeline.run.chain import STAGES
 
@@ -34,10 +35,19 @@ def start_files(job: Job) -> dict[str, Path]:
     if job.mesh or (path / "mesh.npz").is_file():
         made = path / "mesh_uv.obj"
         mesh = path / "mesh.npz" if not made.is_file() else made
-        return {"start_mesh": mesh, "start_albedo": _first(path, TEXTURES)}
-    folder = _model_of(path)
-    description = {"start_description": folder / "bundle.json"} if (folder / "bundle.json").is_file() else {}
-    return {"start_scene": _first(path, FIELDS), "start_decoder": folder / "vae_decoder", **description}
+        found = {"start_mesh": mesh, "start_albedo": _first(path, TEXTURES)}
+    else:
+        folder = _model_of(path)
+        found = {"start_scene": _first(path, FIELDS), "start_decoder": folder / "vae_decoder"}
+        if (folder / "bundle.json").is_file():
+            found["start_description"] = folder / "bundle.json"
+    for file in found.values():
+        if not file.exists():
+            raise InputError(
+                f"START {job.start!r} has no {file.name} yet: give the command that makes it again, so that it "
+                "ends"
+            )
+    return found
 
 
 def spent_before(file: Path) -> list[dict[str, Any]]:
@@ -78,8 +88,8 @@ def _model_of(run: Path) -> Path:
         raise InputError(
             f"START {str(run)!r} has no job.yaml, which names its model: give its asset.glb instead"
         )
-    model = jobs.load(described).model
+    model = read_yaml(described).get("model", jobs.DEFAULT_MODEL)
     try:
-        return jobs.bundle_folder(model)
+        return jobs.bundle_folder(str(model))
     except InputError as error:
         raise InputError(f"START {str(run)!r}: {error}; give its asset.glb instead") from None

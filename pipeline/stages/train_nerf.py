@@ -37,6 +37,7 @@ def main(context: Context) -> None:
     cooling = 0.0 if start is None else STARTED_COOLING
     bundle = open_bundle(inputs["unet"].parent, verify=False)
     embeddings = load_embeddings(inputs["embeddings"])
+    backgrounds = flat_backgrounds(embeddings)
     schedule = load_schedule(inputs["scheduler"])
     resolution = options.resolution or bundle.latent_size
     sketch = load_sketch(inputs["sketch"]) if "sketch" in inputs else None
@@ -51,8 +52,8 @@ def main(context: Context) -> None:
 
     def initial() -> State:
         if start is not None:
-            return started_state(load_scene(start), options, context.job.seed)
-        return initial_state(options, flat_backgrounds(embeddings), context.job.seed, sketch)
+            return started_state(load_scene(start), options, backgrounds, context.job.seed)
+        return initial_state(options, backgrounds, context.job.seed, sketch)
 
     if "contest" in inputs and checkpoints.read_newest(context.scratch, decode)[0] is None:
         begun = decode(arrays.unpack(inputs["contest"].read_bytes()))

@@ -80,8 +80,10 @@ def test_a_fit_brings_a_scene_to_known_views_and_repeats() -> None:
 def test_a_training_goes_on_from_a_scene_with_its_own_numbers() -> None:
     scene = initial_state(OPTIONS, FLAT, 0).scene
     options = replace(OPTIONS, samples_per_ray=40, background="learned")
-    state = started_state(scene, options, 7)
+    state = started_state(scene, options, FLAT, 7)
     assert state.step == 0
     assert state.scene.samples_per_ray == 40
     assert not hasattr(state.scene.background, "colours")
     assert state.optimizer.state == {}
+    back = started_state(state.scene, replace(options, background="random"), FLAT[:2], 7)
+    assert len(back.scene.background.colours) == 2
