@@ -19,6 +19,7 @@ from typing import Any, Literal
 
 import yaml
 
+from pipeline.documents import read_json
 from pipeline.errors import InputError
 from pipeline.options.asset import Bake, Clean, Extract, Publish, Unwrap
 from pipeline.options.distillation import Distillation
@@ -120,6 +121,10 @@ QUALITY: dict[str, dict[str, dict[str, Any]]] = {
 HAND_OVER: dict[str, dict[str, Any]] = {"start_fit": {"updates_per_call": 6}}
 
 
+PLAIN = ["PROMPT", "NEGATIVE", "TOKEN", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM", "START", "PROVIDER"]
+"""Variables that are taken as they stand."""
+
+
 def resolve(environment: Mapping[str, str], models: Path = MODELS, coming: str = "") -> Job:
     """Return the complete job that the environment asks for (an empty variable counts as not given).
     `coming` is a START that another model will have made before: it need not be there.
@@ -129,32 +134,13 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS, coming: str =
     """
     given: dict[str, Any] = read_yaml(Path(environment["JOB"])) if environment.get("JOB") else {}
     written = given.get("quality")
-    plain = (
-        "PROMPT",
-        "NEGATIVE",
-        "TOKEN",
-        "MODEL",
-        "QUALITY",
-        "SKETCH",
-        "MESH",
-        "PARAM",
-        "START",
-        "PROVIDER",
-    )
-    for variable in plain:
-        if environment.get(variable):
-            given[variable.lower()] = environment[variable]
-    for variable in ("SEED", "SEEDS"):
-        if environment.get(variable):
-            given[variable.lower()] = _parse_whole(variable, environment[variable])
-    if environment.get("REFINE"):
-        given["refine"] = _parse_switch("REFINE", environment["REFINE"])
-    if environment.get("SIGMA_S"):
-        section = given.get("train_nerf") or {}
-        if isinstance(section, dict):  # if not, `build` says so
-            given["train_nerf"] = {**section, "sigma_s": _parse_number("SIGMA_S", environment["SIGMA_S"])}
-    if environment.get("STRENGTH"):
-        given["strength"] = _parse_number("STRENGTH", environment["STRENGTH"])
+    variables = _variables(environment)
+    section = given.get("train_nerf") or {}
+    if "train_nerf" in variables:  # what is no section, `build` names
+        variables["train_nerf"] = (
+            {**section, **variables["train_nerf"]} if isinstance(section, dict) else section
+        )
+    given |= variables
     # Everything the user can get wrong is named before the layers below it are merged in.
     asked = build(Job, given, environment.get("JOB") or "")
     if asked.sketch and asked.mesh:
@@ -201,6 +187,30 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS, coming: str =
                 "and the other variables instead of JOB"
             )
     return job
+
+
+def _variables(environment: Mapping[str, str]) -> dict[str, Any]:
+    """Return what the variables say of the job; an error names the variable, not the file that it goes
+    before."""
+    found: dict[str, Any] = {}
+    for variable in PLAIN:
+        if environment.get(variable):
+            found[variable.lower()] = environment[variable]
+    for variable in ("SEED", "SEEDS"):
+        if environment.get(variable):
+            found[variable.lower()] = _parse_whole(variable, environment[variable])
+    if environment.get("STRENGTH"):
+        found["strength"] = _parse_number("STRENGTH", environment["STRENGTH"])
+    if environment.get("REFINE"):
+        found["refine"] = _parse_switch("REFINE", environment["REFINE"])
+    if environment.get("SIGMA_S"):
+        found["train_nerf"] = {"sigma_s": _parse_number("SIGMA_S", environment["SIGMA_S"])}
+    try:
+        build(Job, {"prompt": "x", **found})
+    except InputError as error:
+        name, _, rest = str(error).partition(" ")
+        raise InputError(f"{name.removeprefix('train_nerf.').upper()} {rest}") from None
+    return found
 
 
 def _merge(layers: Sequence[Mapping[str, Any]], file: str) -> Job:
@@ -291,11 +301,11 @@ def _bundle_options(folder: Path) -> dict[str, Any]:
     if not path.exists():
         return {}
     try:
-        described = json.loads(path.read_text(encoding="utf-8"))
+        described = read_json(path, "fetch or export the bundle again")
         options, painting, refinement = (
             {**described.get(name, {})} for name in ("distillation", "painting", "refinement")
         )
-    except (OSError, ValueError, AttributeError, TypeError) as error:
+    except (AttributeError, TypeError) as error:
         raise InputError(
             f"{path} is not a bundle description: {error}; fetch or export the bundle again"
         ) from None

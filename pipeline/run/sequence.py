@@ -14,7 +14,7 @@ from pipeline.run.estimate import machine_pace
 from pipeline.run.plan import Step
 
 
-def plan_runs(chain: Sequence[Job], out: Path) -> list[list[tuple[Step, Cost]]]:
+def plan_runs(chain: Sequence[Job], out: Path, profile: str = "local") -> list[list[tuple[Step, Cost]]]:
     """Return what `run_jobs` would do, job by job: of one that starts from a run that is yet to be made, or
     made again, that all of it runs. Writes nothing."""
     plans: list[list[tuple[Step, Cost]]] = []
@@ -25,7 +25,7 @@ def plan_runs(chain: Sequence[Job], out: Path) -> list[list[tuple[Step, Cost]]]:
             steps = [Step(stage.name, "run", f"after {before}") for stage in stages_of(job)]
             plans.append(priced(job, bundle, steps, machine_pace()))
         else:
-            plans.append(plan_run(job, out))
+            plans.append(plan_run(job, out, profile))
         before = jobs.run_name(job)
     return plans
 
