@@ -52,7 +52,7 @@ def test_hostile_values_end_in_one_line(tmp_path: Path) -> None:
     for given, fault in (
         ({"START": "nowhere"}, "START 'nowhere' does not exist: give"),
         ({"START": str(tmp_path / "empty")}, "is no run that has got as far as its shape"),
-        ({"START": "a\0b"}, "start holds a NUL"),
+        ({"START": "a\0b"}, "START holds a NUL"),
         ({"STRENGTH": "0.5"}, "STRENGTH is given, but no START"),
         *(
             ({"START": str(run), "STRENGTH": value}, fault)
