@@ -44,8 +44,8 @@ def start_files(job: Job) -> dict[str, Path]:
     for file in found.values():
         if not file.exists():
             raise InputError(
-                f"START {job.start!r} has no {file.name} yet: give the command that makes it again, so that it "
-                "ends"
+                f"START {job.start!r} has no {file.name} yet: give the command that makes it again, so that "
+                "it ends"
             )
     return found
 
