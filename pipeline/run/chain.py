@@ -22,7 +22,7 @@ class Stage:
     asked: Callable[[Job], bool] = lambda job: True
     """Whether a job has it."""
     optional: str = ""
-    """What a run without it did not ask for."""
+    """What a run without it did not ask for; empty: nobody would miss it."""
     networks: tuple[str, ...] = ()
     """Graphs of the bundle that it opens, one after the other."""
     together: tuple[str, ...] = ()
@@ -48,14 +48,12 @@ TEXT = (
         "start",
         ("seed", "prepare", "start_fit", "train_nerf", "provider"),
         lambda job: bool(job.start),
-        "a start",
         together=_ENCODING,
     ),
     Stage(
         "contest",
         ("seed", "seeds", "contest", "train_nerf", "provider"),
         lambda job: job.seeds > 1,
-        "several seeds",
         networks=("unet",),
         training="train_nerf",
     ),
@@ -88,7 +86,6 @@ PAINT = (
         "start_paint",
         ("param", "seed", "prepare", "start_fit", "train_paint", "provider"),
         lambda job: bool(job.start),
-        "a start",
         together=_ENCODING,
     ),
     Stage(
