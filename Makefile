@@ -1,13 +1,23 @@
 # The front door. `make help` explains; everything else is in pipeline/.
 #
 # What a user writes is never executed: each variable below is taken as it stands (value), never expanded, and
-# reaches Python through the environment, so neither make nor the shell nor Snakemake reads it.
+# reaches Python through the environment, so neither make nor the shell nor Snakemake reads it. It counts only on
+# the command line: what the environment calls TOKEN or MODEL may be a secret, and is no option of ours.
 USER_VARIABLES := PROMPT NEGATIVE MODEL SEED QUALITY JOB OUT THREADS PROFILE RUN SKETCH SIGMA_S MESH PARAM REFINE TOKEN ONLY PROVIDER \
 	IMAGES NAME CHECKPOINT STORAGE SHAPES GRADIENT PREDICTION
-$(foreach name,$(USER_VARIABLES),$(eval override $(name) := $$(value $(name))))
+$(foreach name,$(USER_VARIABLES),$(eval override $(name) := \
+	$(if $(findstring command line,$(origin $(name))),$$(value $(name)))))
 export $(USER_VARIABLES)
 UNKNOWN := $(filter-out $(USER_VARIABLES) PYTHON IN_VENV,$(foreach name,$(.VARIABLES),$(if $(findstring command line,$(origin $(name))),$(name))))
 $(if $(UNKNOWN),$(error $(firstword $(UNKNOWN)) is no variable of this project; there are: $(USER_VARIABLES)))
+
+# The packages of one .venv load the code of one clone. Two clones that share it would run each other's.
+INSTALLED_FOR := $(file <.venv/.runtime)
+ifneq ($(filter-out $(CURDIR),$(INSTALLED_FOR)),)
+ifneq ($(filter-out help clean-venv,$(MAKECMDGOALS)),)
+$(error .venv is installed for the clone in $(INSTALLED_FOR), this one is $(CURDIR): make clean-venv, then the same again)
+endif
+endif
 
 MAKEFLAGS += --no-print-directory
 .DEFAULT_GOAL := help
@@ -65,7 +75,7 @@ clean-venv:
 	@echo "installing into .venv (first use: a few minutes)" >&2
 	@test -x $(IN_VENV) || $(PYTHON) -m venv .venv
 	@$(IN_VENV) -m pip install --quiet --editable . >&2
-	@touch $@
+	@$(file >$@,$(CURDIR))touch $@
 
 .venv/.dev: .venv/.runtime pyproject.toml
 	@# Most of it is never imported: Python compiles what is, when it is.

@@ -62,6 +62,7 @@ ROOMS = [
     ["mesh"],
     ["options"],
     ["kernels"],
+    ["documents"],
     ["arrays", "cameras", "files", "progress"],
     ["errors"],
 ]

@@ -5,12 +5,12 @@ Also the other files that a .gltf file needs.
 
 from __future__ import annotations
 
-import json
 import struct
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
+from pipeline.documents import parse_object
 from pipeline.errors import InputError
 
 MOST_ELEMENTS = 20_000_000
@@ -143,10 +143,7 @@ def read_gltf_json(path: Path) -> dict[str, Any]:
             if magic != b"glTF" or kind != b"JSON" or length > len(data) - 20:
                 raise ValueError("no glTF header")
             data = data[20 : 20 + length]
-        document = json.loads(data)
-    except (ValueError, struct.error, RecursionError) as error:
+        return parse_object(data)
+    except (ValueError, struct.error) as error:
         said = str(error).splitlines()[0][:120]
         raise InputError(f"{path}: not a readable glTF file ({said}); export it again") from None
-    if not isinstance(document, dict):
-        raise InputError(f"{path}: not a glTF file, its JSON is no object; export it again")
-    return document

@@ -19,6 +19,7 @@ from typing import Any, Literal
 
 import yaml
 
+from pipeline.documents import read_json
 from pipeline.errors import InputError
 from pipeline.options.asset import Bake, Clean, Extract, Publish, Unwrap
 from pipeline.options.distillation import Distillation
@@ -246,11 +247,11 @@ def _bundle_options(folder: Path) -> dict[str, Any]:
     if not path.exists():
         return {}
     try:
-        described = json.loads(path.read_text(encoding="utf-8"))
+        described = read_json(path, "fetch or export the bundle again")
         options, painting, refinement = (
             {**described.get(name, {})} for name in ("distillation", "painting", "refinement")
         )
-    except (OSError, ValueError, AttributeError, TypeError) as error:
+    except (AttributeError, TypeError) as error:
         raise InputError(
             f"{path} is not a bundle description: {error}; fetch or export the bundle again"
         ) from None

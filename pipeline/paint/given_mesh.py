@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from pipeline import arrays
+from pipeline.documents import parse_json
 from pipeline.errors import InputError
 from pipeline.mesh.mesh import Mesh
 from pipeline.mesh.readers import InputMesh
@@ -76,7 +77,7 @@ def load_paint_mesh(path: Path) -> PaintMesh:
     """Read what `save_paint_mesh` wrote. Raises InputError if the file is damaged."""
     try:
         values = dict(arrays.unpack(path.read_bytes()))
-        names = tuple(json.loads(values.pop("names").tobytes()))
+        names = tuple(parse_json(values.pop("names").tobytes()))
         return PaintMesh(**{"uv": None, "uv_faces": None, **values}, names=names)  # type: ignore[arg-type]
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path} is damaged ({error}): delete it and run again") from None
