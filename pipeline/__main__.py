@@ -11,12 +11,15 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, one_line
 from pipeline.files import refusal
 from pipeline.options import job as jobs
 from pipeline.options.schema import describe
 from pipeline.progress import duration
 from pipeline.run import engine
+from pipeline.run.failures import memory_limit
+from pipeline.run.folder import check_out
+from pipeline.run.snakefiles import cache_folder
 from pipeline.run.verify import verify
 
 
@@ -26,22 +29,29 @@ def main(arguments: list[str], environment: Mapping[str, str]) -> int:
     parser.add_argument("command", choices=["run", "plan", "verify", "options"])
     command = parser.parse_args(arguments).command
     try:
-        status = {"run": _run, "plan": _plan, "verify": _verify, "options": _options}[command](environment)
+        commands = {"run": _run, "plan": _plan, "verify": _verify, "options": _options}
+        with cache_folder():
+            status = commands[command](environment)
         sys.stdout.flush()
         return status
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {one_line(str(error))}", file=sys.stderr)
+        return 2
+    except MemoryError:
+        print(
+            f"error: out of memory{memory_limit()}: close other programs, or lower QUALITY", file=sys.stderr
+        )
         return 2
     except BrokenPipeError:  # the reader of the output, head for one, has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except OSError as error:
         if refused := refusal(error):
-            print(f"error: {refused}", file=sys.stderr)
+            print(f"error: {one_line(str(refused))}", file=sys.stderr)
             return 2
         raise
     except engine.StageFailure as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {one_line(str(error))}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print("stopped; the same command goes on from here", file=sys.stderr)
@@ -50,15 +60,17 @@ def main(arguments: list[str], environment: Mapping[str, str]) -> int:
 
 def _run(environment: Mapping[str, str]) -> int:
     job = jobs.resolve(environment)
-    run = engine.run_job(job, _out(environment), _threads(environment), environment.get("PROFILE") or "local")
+    out, profile = check_out(environment.get("OUT") or "runs"), environment.get("PROFILE") or "local"
+    run = engine.run_job(job, out, _threads(environment), profile)
     for name in engine.RESULTS:
         print(run / name)
     return 0
 
 
 def _plan(environment: Mapping[str, str]) -> int:
-    job, out = jobs.resolve(environment), _out(environment)
-    planned = engine.plan_run(job, out)
+    job, out = jobs.resolve(environment), check_out(environment.get("OUT") or "runs")
+    _threads(environment)
+    planned = engine.plan_run(job, out, environment.get("PROFILE") or "local")
     print(f"{out / jobs.run_name(job)}")
     print(f"{'stage':<13} {'':<10} {'time':>9} {'memory':>8}  why")
     for step, cost in planned:
@@ -98,21 +110,6 @@ def _options(environment: Mapping[str, str]) -> int:
     return 0
 
 
-def _out(environment: Mapping[str, str]) -> Path:
-    text = environment.get("OUT") or "runs"
-    otherwise = "choose another folder with OUT="
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        raise InputError(f"OUT is {text!r}, expected a path in UTF-8: {otherwise}") from None
-    nearest = next(path for path in (Path(text).absolute(), *Path(text).absolute().parents) if path.exists())
-    if not nearest.is_dir():
-        raise InputError(f"OUT is {text!r}, but {nearest} is a file: {otherwise}")
-    if not os.access(nearest, os.W_OK):
-        raise InputError(f"OUT is {text!r}, but {nearest} cannot be written to: {otherwise}")
-    return Path(text)
-
-
 def _threads(environment: Mapping[str, str]) -> int:
     """Return the threads of a stage: all cores this process may use, unless THREADS says otherwise."""
     text = environment.get("THREADS", "")
@@ -124,6 +121,7 @@ def _threads(environment: Mapping[str, str]) -> int:
 
 
 if __name__ == "__main__":
+    sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # a terminal of LANG=C
     status = main(sys.argv[1:], os.environ)
     sys.stderr.flush()
     os._exit(status)  # the modules of Snakemake take a third of a second to be taken down

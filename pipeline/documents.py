@@ -1,7 +1,7 @@
 """JSON from strangers: every damage is one error.
 
-`json.loads` raises four kinds of error for damaged text, and takes `NaN` and halves of characters, which break
-whatever reads the values later.
+`json.loads` raises four kinds of error for damaged text, and takes `NaN` and halves of characters, which
+break whatever reads the values later.
 """
 
 import json
@@ -35,7 +35,8 @@ def parse_json(text: str | bytes) -> Any:
 
 
 def parse_object(text: str | bytes) -> dict[str, Any]:
-    """Return the JSON object that text stands for; raises ValueError as `parse_json`, and for other values."""
+    """Return the JSON object that text stands for; raises ValueError as `parse_json`, and for
+    other values."""
     value = parse_json(text)
     if not isinstance(value, dict):
         raise ValueError(f"a JSON {type(value).__name__} instead of an object")

@@ -10,7 +10,8 @@ class InputError(Exception):
 
 
 def one_line(text: str) -> str:
-    """Return a text that may quote a stranger's as one line that a terminal prints and does not obey: whatever
-    is not printable (line breaks, escape sequences, bytes that are no UTF-8) is written as its escape.
+    """Return a text that may quote a stranger's as one line that a terminal prints and does not obey:
+    whatever is not printable (line breaks, escape sequences, bytes that are no UTF-8) is written as its
+    escape.
     """
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text.strip())

@@ -240,7 +240,9 @@ def _describe(folder: Path, described: dict[str, Any], files: dict[str, str], gr
     columns = _field(place, described, "camera", list, [])
     if unknown := [c for c in columns if c not in CAMERA_COLUMNS]:
         raise InputError(
-            f"{place}: camera lists {short(unknown[0])}, expected of {', '.join(CAMERA_COLUMNS)}; export again"
+            f"{place}: camera lists {short(unknown[0])}, expected of {', '.join(CAMERA_COLUMNS)}; "
+            "export again"
+            "export again"
         )
     views = _field(place, described, "views", int, 1)
     if views > MOST_VIEWS:

@@ -113,18 +113,13 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
     """
     given: dict[str, Any] = read_yaml(Path(environment["JOB"])) if environment.get("JOB") else {}
     written = given.get("quality")
-    plain = ("PROMPT", "NEGATIVE", "TOKEN", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM", "PROVIDER")
-    for variable in plain:
-        if environment.get(variable):
-            given[variable.lower()] = environment[variable]
-    if environment.get("SEED"):
-        given["seed"] = _parse_seed(environment["SEED"])
-    if environment.get("REFINE"):
-        given["refine"] = _parse_switch("REFINE", environment["REFINE"])
-    if environment.get("SIGMA_S"):
-        section = given.get("train_nerf") or {}
-        if isinstance(section, dict):  # if not, `build` says so
-            given["train_nerf"] = {**section, "sigma_s": _parse_sigma(environment["SIGMA_S"])}
+    variables = _variables(environment)
+    section = given.get("train_nerf") or {}
+    if "train_nerf" in variables:  # what is no section, `build` names
+        variables["train_nerf"] = (
+            {**section, **variables["train_nerf"]} if isinstance(section, dict) else section
+        )
+    given |= variables
     # Everything the user can get wrong is named before the layers below it are merged in.
     asked = build(Job, given, environment.get("JOB") or "")
     if asked.sketch and asked.mesh:
@@ -158,6 +153,28 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
                 "and the other variables instead of JOB"
             )
     return job
+
+
+def _variables(environment: Mapping[str, str]) -> dict[str, Any]:
+    """Return what the variables say of the job; an error names the variable, not the file that it goes
+    before."""
+    found: dict[str, Any] = {}
+    plain = ("PROMPT", "NEGATIVE", "TOKEN", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM", "PROVIDER")
+    for variable in plain:
+        if environment.get(variable):
+            found[variable.lower()] = environment[variable]
+    if environment.get("SEED"):
+        found["seed"] = _parse_seed(environment["SEED"])
+    if environment.get("REFINE"):
+        found["refine"] = _parse_switch("REFINE", environment["REFINE"])
+    if environment.get("SIGMA_S"):
+        found["train_nerf"] = {"sigma_s": _parse_sigma(environment["SIGMA_S"])}
+    try:
+        build(Job, {"prompt": "x", **found})
+    except InputError as error:
+        name, _, rest = str(error).partition(" ")
+        raise InputError(f"{name.removeprefix('train_nerf.').upper()} {rest}") from None
+    return found
 
 
 def _merge(layers: Sequence[Mapping[str, Any]], file: str) -> Job:

@@ -1,5 +1,9 @@
 """The chain of a job as its Snakefile has it: which file is made from which."""
 
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
@@ -37,6 +41,23 @@ def snakemake_config(job: Job, run: Path, threads: int = 1) -> dict[str, str | i
         **({"tokens": tokens} if tokens else {}),  # Snakemake takes no empty value
         "threads": threads,
     }
+
+
+@contextlib.contextmanager
+def cache_folder() -> Iterator[None]:
+    """Meanwhile, have a cache folder that can be written: Snakemake makes one for sources from the network,
+    which a run does not use, and ends where it cannot (no home, or a read-only one)."""
+    usual = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    try:
+        os.makedirs(os.path.join(usual, "snakemake"), exist_ok=True)
+        if os.access(os.path.join(usual, "snakemake"), os.W_OK):
+            yield
+            return
+    except OSError:
+        pass
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as other:
+        os.environ["XDG_CACHE_HOME"] = other
+        yield
 
 
 def read_chain(job: Job, run: Path) -> list[Link]:

@@ -17,7 +17,6 @@ from pipeline.errors import InputError
 from pipeline.mesh.mesh import Mesh
 from pipeline.sketch.svg import svg_to_png
 
-FORMATS = (".png", ".svg")
 _SIDE = 512
 """Drawings are traced at this size: the longer side [pixels]."""
 _MOST_BYTES, _MOST_PIXELS = 50_000_000, 36_000_000

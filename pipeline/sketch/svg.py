@@ -17,6 +17,8 @@ import resvg_py
 
 from pipeline.errors import InputError, one_line
 
+DRAWINGS = (".png", ".svg")
+"""Endings of drawings."""
 PROCESSOR_SECONDS, WAITING_SECONDS = 10, 50
 MEMORY = 1 << 30
 """Of address space [bytes]."""
@@ -107,9 +109,7 @@ def main(side: int) -> None:
     if not said:
         try:
             text = drawing.decode("utf-8").removeprefix("\ufeff")
-            picture = resvg_py.svg_to_bytes(
-                svg_string=text, width=side, height=side, skip_system_fonts=True
-            )
+            picture = resvg_py.svg_to_bytes(svg_string=text, width=side, height=side, skip_system_fonts=True)
             sys.stdout.buffer.write(bytes(picture))
         except ValueError as error:
             reason = re.sub(r"\s+", " ", str(error))[:200]

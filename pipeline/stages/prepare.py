@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from pipeline.errors import InputError
 from pipeline.mesh.coordinates import make_coordinates
-from pipeline.mesh.mesh import Mesh
+from pipeline.mesh.mesh import Mesh, face_areas
 from pipeline.mesh.readers import read_mesh
 from pipeline.mesh.topology import topology
 from pipeline.options.paint import Prepare
@@ -42,6 +43,11 @@ def main(context: Context) -> None:
         say(f"warning: {len(given.faces)} faces: new texture coordinates may take minutes to hours")
     unit = to_unit_ball(given, options.up, options.front)
     mesh = Mesh(unit, given.faces, given.uv, given.uv_faces)
+    if not (face_areas(mesh) > 0).any():
+        raise InputError(
+            f"{context.inputs['mesh']}: each of its {len(mesh.faces)} faces is lost in its extent (65536 "
+            "steps a radius): it is too thin, or its parts lie too far apart; scale or move them"
+        )
     warnings: list[str] = context.metrics.setdefault("warnings", [])
     metrics: dict[str, Any] = {}
     if context.job.param == "face":
