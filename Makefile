@@ -4,7 +4,7 @@
 # reaches Python through the environment, so neither make nor the shell nor Snakemake reads it. It counts only on
 # the command line: what the environment calls TOKEN or MODEL may be a secret, and is no option of ours.
 USER_VARIABLES := PROMPT NEGATIVE MODEL SEED QUALITY JOB OUT THREADS PROFILE RUN SKETCH SIGMA_S MESH PARAM REFINE TOKEN ONLY PROVIDER \
-	IMAGES NAME CHECKPOINT STORAGE SHAPES GRADIENT PREDICTION
+	IMAGES NAME CHECKPOINT STORAGE SHAPES GRADIENT PREDICTION MINUTES
 $(foreach name,$(USER_VARIABLES),$(eval override $(name) := \
 	$(if $(findstring command line,$(origin $(name))),$$(value $(name)))))
 export $(USER_VARIABLES)
@@ -21,7 +21,7 @@ endif
 
 MAKEFLAGS += --no-print-directory
 .DEFAULT_GOAL := help
-.PHONY: help options run plan verify export bench learn-token default-model test clean-venv
+.PHONY: help options run plan verify export bench learn-token default-model test fuzz clean-venv
 
 PYTHON ?= python3
 IN_VENV := .venv/bin/python
@@ -65,17 +65,21 @@ test: .venv/.dev
 	$(IN_VENV) -m mypy
 	$(IN_VENV) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
+fuzz: .venv/.dev
+	@$(IN_VENV) -m tests.faults.fuzz
+
 clean-venv:
 	rm -rf .venv
 
 # A stamp a set of packages: made again when pyproject.toml changes, and after an installation that did not end.
+.venv/.runtime: export CLONE := $(CURDIR)
 .venv/.runtime: pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "error: $(PYTHON) is not Python 3.11 or newer: say PYTHON=python3.11" >&2; exit 2; }
 	@echo "installing into .venv (first use: a few minutes)" >&2
 	@test -x $(IN_VENV) || $(PYTHON) -m venv .venv
 	@$(IN_VENV) -m pip install --quiet --editable . >&2
-	@$(file >$@,$(CURDIR))touch $@
+	@printf '%s\n' "$$CLONE" >$@
 
 .venv/.dev: .venv/.runtime pyproject.toml
 	@# Most of it is never imported: Python compiles what is, when it is.

@@ -47,14 +47,12 @@ def snakemake_config(job: Job, run: Path, threads: int = 1) -> dict[str, str | i
 def cache_folder() -> Iterator[None]:
     """Meanwhile, have a cache folder that can be written: Snakemake makes one for sources from the network,
     which a run does not use, and ends where it cannot (no home, or a read-only one)."""
-    usual = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    try:
-        os.makedirs(os.path.join(usual, "snakemake"), exist_ok=True)
-        if os.access(os.path.join(usual, "snakemake"), os.W_OK):
-            yield
-            return
-    except OSError:
-        pass
+    usual = os.path.join(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "snakemake")
+    with contextlib.suppress(OSError):
+        os.makedirs(usual, exist_ok=True)
+    if os.access(usual, os.W_OK):
+        yield
+        return
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as other:
         os.environ["XDG_CACHE_HOME"] = other
         yield
