@@ -53,16 +53,10 @@ class Door:
 
     def command(self, target: str, **variables: str) -> list[str]:
         """Return the make command line; paths are as a user in `folder` writes them."""
-        given = {
-            "IN_VENV": sys.executable,
-            "PROMPT": "a red ball",
-            "MODEL": "./model",
-            "JOB": "job.yaml",
-            "OUT": "out",
-            **variables,
-        }
+        usual = {"PROMPT": "a red ball", "MODEL": "./model", "JOB": "job.yaml", "OUT": "out"}
+        given = {**(usual if target in ("run", "plan") else {}), **variables, "IN_VENV": sys.executable}
         return [
-            "make", "-f", str(ROOT / "Makefile"), "-o", ".venv/.runtime", target,
+            "make", "-f", str(ROOT / "Makefile"), "-o", ".venv/.runtime", "-o", ".venv/.dev", target,
             *(f"{name}={value}" for name, value in given.items()),
         ]  # fmt: skip
 

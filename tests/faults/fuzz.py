@@ -58,8 +58,13 @@ def read_case(target: Target, data: bytes, folder: Path) -> int:
     path = folder / target.file
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(data)
+    return attempt(lambda: target.read(path))
+
+
+def attempt(read: Callable[[], object]) -> int:
+    """Return how reading ended in this process: READ, REFUSED or, with a traceback, FAILED."""
     try:
-        target.read(path)
+        read()
     except InputError as error:
         sys.stderr.write(f"InputError: {error}\n")
         return FAILED if "\n" in str(error) or not str(error).strip() else REFUSED
@@ -69,8 +74,8 @@ def read_case(target: Target, data: bytes, folder: Path) -> int:
     return READ
 
 
-def run_case(name: str, target: Target, data: bytes, folder: Path) -> Ended:
-    """Read a case's file in a fork with limits."""
+def run_fork(name: str, read: Callable[[], object], folder: Path) -> Ended:
+    """Read in a fork with limits; what it prints is in the folder's `said`."""
     began = time.monotonic()
     process = os.fork()
     if process == 0:
@@ -82,7 +87,7 @@ def run_case(name: str, target: Target, data: bytes, folder: Path) -> Ended:
         _limit()
         status = FAILED
         try:
-            status = read_case(target, data, folder)
+            status = attempt(read)
             sys.stderr.flush()
         finally:
             os._exit(status)
@@ -92,7 +97,8 @@ def run_case(name: str, target: Target, data: bytes, folder: Path) -> Ended:
         if ended:
             break
         if seconds > WAIT:
-            os.killpg(process, signal.SIGKILL)
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process, signal.SIGKILL)
         time.sleep(0.002)
     code = os.waitstatus_to_exitcode(status)
     words = {READ: "read", REFUSED: "refused", FAILED: "an error that is no InputError"}
@@ -112,7 +118,7 @@ def fuzz(
         name, data = make_case(known, seed, case)
         folder = work / f"case{case}"
         folder.mkdir()
-        ended = run_case(name, known[name], data, folder)
+        ended = _run_case(name, known[name], data, folder)
         results.append(ended)
         if ended.status not in ("read", "refused"):
             place = kept / f"{name.replace('/', '-')}-{seed}-{case}"
@@ -127,6 +133,13 @@ def fuzz(
             told = time.monotonic()
             print(f"{case - first} cases", flush=True)
     return results
+
+
+def _run_case(name: str, target: Target, data: bytes, folder: Path) -> Ended:
+    path = folder / target.file
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
+    return run_fork(name, lambda: target.read(path), folder)
 
 
 def table(results: list[Ended]) -> str:

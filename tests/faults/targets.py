@@ -48,7 +48,7 @@ def targets(work: Path) -> dict[str, Target]:
     model = work / "model"
     described = json.loads((model / "bundle.json").read_text())
     (model / "bundle.json").write_text(json.dumps({**described, "files": {}}))
-    found = {name: Target(f"case.{name}", seeds, _paint) for name, seeds in _meshes().items()}
+    found = {name: Target(f"case.{name}", seeds, prepare_mesh) for name, seeds in _meshes().items()}
     found["svg"] = Target("case.svg", _svgs(), lambda path: read_sketch(path, 0.3))
     found["png"] = Target("case.png", _pngs(), lambda path: read_sketch(path, 0.3))
     vectors = np.random.default_rng(0).standard_normal((2, 16)).astype(np.float32)
@@ -74,10 +74,11 @@ def targets(work: Path) -> dict[str, Target]:
     return found
 
 
-def _paint(path: Path) -> None:
-    """Read a mesh as the stage `prepare` does, at a small resolution."""
+def prepare_mesh(path: Path, most: int = 2000) -> None:
+    """Read a mesh as the stage `prepare` does; up to so many faces, give it texture coordinates too (xatlas
+    takes its time), at a small resolution."""
     given = read_mesh(path)
-    if len(given.faces) > 2000:  # reading is what is tried: xatlas takes its time
+    if len(given.faces) > most:
         return
     unit = to_unit_ball(given, "+y", "+z")
     prepare.check_seen(unit, given.faces, path)
