@@ -114,6 +114,24 @@ def test_errors_are_one_line_and_status_2(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_the_packages_of_another_clone_are_refused(tmp_path: Path, echo: Path) -> None:
+    (tmp_path / ".venv").mkdir()
+    command = ["make", "-f", str(ROOT / "Makefile"), "-o", ".venv/.runtime", f"IN_VENV={echo}"]
+    for clone, status in ((tmp_path, 0), (tmp_path / "other", 2)):
+        (tmp_path / ".venv" / ".runtime").write_text(f"{clone.resolve()}\n")
+        result = subprocess.run(
+            [*command, "plan"],
+            cwd=tmp_path,
+            env=clean_environment(),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert result.returncode == status
+    assert f"installed for the clone in {tmp_path.resolve() / 'other'}" in result.stderr
+    assert "make clean-venv" in result.stderr
+
+
 def test_a_mistyped_variable_is_refused(tmp_path: Path) -> None:
     result = make("run", f"OUT={tmp_path / 'runs'}", "PROMPT=a chair", "QUALTY=high")
     assert result.returncode == 2

@@ -10,6 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -36,6 +37,8 @@ from pipeline.run.stage import FOLLOW_PARENT, die_with_parent
 from pipeline.run.stage_server import ADDRESS, GRACE
 
 RESULTS = ("asset.glb", "report.html")
+CANCEL_SECONDS = 30.0
+"""That a scheduler of a cluster may take to call off a job."""
 ENOUGH_DISK = 200 * 2**20
 """A run of the default model takes about 50 MB [bytes]."""
 
@@ -189,8 +192,21 @@ def _snakemake(
             return os.waitstatus_to_exitcode(status)
         finally:
             if not ended:
-                os.kill(process, signal.SIGKILL)
-                os.waitpid(process, 0)
+                end_snakemake(process, 0 if executor_of(profile) == "local" else CANCEL_SECONDS)
+
+
+def end_snakemake(process: int, patience: float) -> None:
+    """End Snakemake; `patience` seconds are for calling off the jobs that it has on a cluster, which would
+    go on and write where the next run does."""
+    if patience:
+        os.kill(process, signal.SIGINT)
+        until = time.monotonic() + patience
+        while time.monotonic() < until:
+            if os.waitpid(process, os.WNOHANG)[0]:
+                return
+            time.sleep(0.05)
+    os.kill(process, signal.SIGKILL)
+    os.waitpid(process, 0)
 
 
 def _become_snakemake(arguments: list[str], log: Path, variables: Mapping[str, str]) -> NoReturn:

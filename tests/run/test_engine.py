@@ -190,6 +190,27 @@ def test_a_signal_that_the_caller_ignores_stays_ignored() -> None:
         signal.signal(signal.SIGHUP, former)
 
 
+@pytest.mark.parametrize("obeys", [True, False])
+def test_snakemake_may_call_off_its_jobs_before_it_ends(tmp_path: Path, obeys: bool) -> None:
+    ready = tmp_path / "ready"
+    process = os.fork()
+    if process == 0:
+        try:
+            signal.signal(signal.SIGINT, signal.default_int_handler if obeys else signal.SIG_IGN)
+            ready.touch()
+            time.sleep(60)
+        except KeyboardInterrupt:
+            (tmp_path / "called off").touch()
+        finally:
+            os._exit(0)
+    while not ready.exists():
+        time.sleep(0.01)
+    engine.end_snakemake(process, 30.0 if obeys else 0.2)
+    assert (tmp_path / "called off").exists() == obeys
+    with pytest.raises(ChildProcessError):
+        os.waitpid(process, 0)
+
+
 def test_kill_9_of_everything_then_the_same_command(project: Project) -> None:
     expected = file_sha256(project.latest / "asset.glb")
     shutil.rmtree(project.root / "runs")
