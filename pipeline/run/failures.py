@@ -51,8 +51,8 @@ def as_typed(reason: str, job: Job, run: Path) -> str:
     here = run.resolve()
     names = {os.path.relpath(Path(path).resolve(), here): path for path in typed if path}
     for relative, path in sorted(names.items(), key=lambda pair: -len(pair[0])):
-        # In one go: what was put in is not looked at again.
-        reason = re.sub(rf"(?<![\w./-]){re.escape(relative)}(?![\w-])", lambda _, path=path: path, reason)
+        # The longest first: it may begin with another.
+        reason = re.sub(rf"(?<![\w./-]){re.escape(relative)}(?![\w-])", path.replace("\\", r"\\"), reason)
     own = re.match(r"[\w.-][\w./-]*", reason)
     if own and not own[0].startswith("..") and (run / own[0]).exists():
         reason = f"{run}/{reason}"

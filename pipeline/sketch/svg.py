@@ -93,7 +93,7 @@ def fault(drawing: bytes) -> str:
             found = f"has entities made of entities ({name[:57]!r}): export it again, as plain SVG"
 
     parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.EntityDeclHandler = entity  # type: ignore[assignment]  # of seven arguments
+    parser.EntityDeclHandler = entity
     try:
         parser.Parse(drawing, True)
     except expat.ExpatError as error:

@@ -1,6 +1,15 @@
-"""Damage to bytes, as transfers, editors and attackers do it. Everything comes from one generator."""
+"""Damage to bytes, as transfers, editors and attackers do it. Everything comes from one generator.
 
+Half of the damages to files with a JSON document in them (glTF, GLB, safetensors) are to a value of it, and
+half of those to PNG keep its checksums right: what reads the values is to be reached.
+"""
+
+import json
 import re
+import struct
+import zlib
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -14,14 +23,78 @@ WORDS = [
     b"\xff", b"\n", b"../../etc/passwd", b"!!python/object/apply:os.system [touch executed]", b"&a [*a]",
     b"99999999999",
 ]  # fmt: skip
+VALUES: list[Any] = [
+    -1, 0, 1, 2, 255, 2**31, 2**32, 2**63, 10**30, 0.5, -1e-30, 1e308, None, True, False, "", "x", "../x",
+    "SCALAR", "VEC3", [], {}, [0], [[]], {"a": {}}, 5121, 5126,
+]  # fmt: skip
+_PNG = b"\x89PNG\r\n\x1a\n"
 _NUMBER = re.compile(rb"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 
 def mutate(data: bytes, other: bytes, rng: np.random.Generator) -> bytes:
     """Return the data after one damage, or a few; `other` is a file to take pieces from."""
     for _ in range(int(rng.geometric(0.6))):
-        data = _DAMAGES[rng.integers(len(_DAMAGES))](data, other, rng)
-    return data
+        parts = _document(data) if rng.random() < 0.5 else None
+        if parts:
+            value, pack = parts
+            data = pack(_change(value, rng))
+        else:
+            data = _DAMAGES[rng.integers(len(_DAMAGES))](data, other, rng)
+    return _with_checksums(data) if data.startswith(_PNG) and rng.random() < 0.5 else data
+
+
+def _document(data: bytes) -> tuple[Any, Callable[[Any], bytes]] | None:
+    """Return the JSON document of a file, and what packs another one in its place; None: there is none."""
+    try:
+        if data.startswith(b"glTF"):
+            end = 20 + int(struct.unpack_from("<I", data, 12)[0])
+            return json.loads(data[20:end]), lambda value: _glb(json.dumps(value).encode(), data[end:])
+        if data[8:9] == b"{":
+            end = 8 + int(struct.unpack_from("<Q", data)[0])
+            return json.loads(data[8:end]), lambda value: _tensors(json.dumps(value).encode(), data[end:])
+        if data.startswith(b"{"):
+            return json.loads(data), lambda value: json.dumps(value).encode()
+    except (ValueError, RecursionError, struct.error):
+        pass
+    return None
+
+
+def _glb(text: bytes, rest: bytes) -> bytes:
+    text += b" " * (-len(text) % 4)
+    head = struct.pack("<4sII", b"glTF", 2, 20 + len(text) + len(rest))
+    return head + struct.pack("<I4s", len(text), b"JSON") + text + rest
+
+
+def _tensors(text: bytes, rest: bytes) -> bytes:
+    return struct.pack("<Q", len(text)) + text + rest
+
+
+def _change(value: Any, rng: np.random.Generator) -> Any:
+    """Return a document with one value somewhere in it exchanged, removed, or put elsewhere too."""
+    if rng.random() < 0.15 or not isinstance(value, dict | list) or not value:
+        return VALUES[rng.integers(len(VALUES))]
+    keys = list(value) if isinstance(value, dict) else [*range(len(value))]
+    key = keys[rng.integers(len(keys))]
+    kind = rng.random()
+    if kind < 0.1:
+        del value[key]
+    elif kind < 0.2:
+        value[key] = value[keys[rng.integers(len(keys))]]
+    else:
+        value[key] = _change(value[key], rng)
+    return value
+
+
+def _with_checksums(data: bytes) -> bytes:
+    """Return a PNG whose chunks have right checksums, as far as it has chunks."""
+    fixed, at = bytearray(data), len(_PNG)
+    while at + 12 <= len(data):
+        end = at + 8 + int(struct.unpack_from(">I", data, at)[0])
+        if end + 4 > len(data):
+            break
+        fixed[end : end + 4] = struct.pack(">I", zlib.crc32(data[at + 4 : end]))
+        at = end + 4
+    return bytes(fixed)
 
 
 def _place(data: bytes, rng: np.random.Generator) -> int:
@@ -36,7 +109,7 @@ def _piece(data: bytes, rng: np.random.Generator) -> bytes:
 
 def _flip(data: bytes, other: bytes, rng: np.random.Generator) -> bytes:
     changed = bytearray(data)
-    for _ in range(int(2 ** rng.uniform(0, 5))):
+    for _ in range(int(2 ** rng.uniform(0, 3))):
         if changed:
             changed[min(_place(data, rng), len(changed) - 1)] ^= 1 << int(rng.integers(8))
     return bytes(changed)

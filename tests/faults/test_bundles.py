@@ -20,7 +20,14 @@ def _json(change: Callable[[dict[str, Any]], object]) -> Callable[[Path], None]:
 
 
 def _text(text: str | bytes) -> Callable[[Path], None]:
-    return lambda path: path.write_bytes(text if isinstance(text, bytes) else text.encode()) and None
+    def damage(path: Path) -> None:
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+
+    return damage
+
+
+def _cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:200])
 
 
 def _without_bias(described: dict[str, Any]) -> dict[str, Any]:
@@ -57,7 +64,7 @@ DAMAGE: dict[str, tuple[str, Callable[[Path], None], str]] = {
     "betas": ("scheduler/scheduler_config.json", _json(lambda v: {**v, "beta_start": "NaN"}), "beta_start"),
     "pointer": ("unet/model.onnx", _text("version https://git-lfs.github.com/spec/v1\n"), "git lfs pull"),
     "page": ("unet/model.onnx", _text("<!doctype html>"), "a web page"),
-    "cut": ("unet/model.onnx", lambda p: p.write_bytes(p.read_bytes()[:200]) and None, "break off"),
+    "cut": ("unet/model.onnx", _cut, "break off"),
     "nothing": ("vae_decoder/model.onnx", _text(""), "0 bytes"),
     "gone": ("text_encoder/model.onnx", Path.unlink, "missing"),
 }

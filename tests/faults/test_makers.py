@@ -33,7 +33,10 @@ def _folder(**files: str | bytes) -> Callable[[Path], None]:
 
 
 def _file(content: bytes) -> Callable[[Path], None]:
-    return lambda path: path.write_bytes(content) and None
+    def make(path: Path) -> None:
+        path.write_bytes(content)
+
+    return make
 
 
 INDEX = json.dumps({"_class_name": "StableDiffusionPipeline", "unet": ["os", "system"]})
