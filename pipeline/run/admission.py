@@ -4,10 +4,13 @@ import importlib.util
 from pathlib import Path
 
 from pipeline.diffusion.providers import provider_chain
+from pipeline.diffusion.schedule import load_schedule
+from pipeline.diffusion.tokenizer import load_tokenizer
 from pipeline.errors import InputError
 from pipeline.mesh.file_checks import check_file
-from pipeline.options.job import Job
+from pipeline.options.job import Job, bundle_folder
 from pipeline.options.schema import read_yaml
+from pipeline.run.chain import STAGES
 from pipeline.run.plan import Step
 from pipeline.sketch.reading import check_ending, read_sketch
 from pipeline.sketch.svg import DRAWINGS
@@ -31,9 +34,14 @@ def check_job(job: Job) -> None:
 
 
 def check_given(job: Job, steps: list[Step]) -> None:
-    """Read the mesh or the drawing of a job whose stage will have to; raises InputError as that would. What
-    is too large to be read twice is left to the stage."""
+    """Read what the stages that will run have to read: the mesh or the drawing (what is too large to be read
+    twice is left to its stage), the model's tokenizer and its schedule; raises InputError as they would."""
     stages = {step.stage for step in steps if step.verdict == "run"}
+    folder = bundle_folder(job.model)
+    if "embed" in stages:
+        load_tokenizer(folder / "tokenizer")
+    if any(STAGES[stage].training for stage in stages):
+        load_schedule(folder / "scheduler")
     given = {"prepare": job.mesh, "sketch": job.sketch}
     for path in (Path(path) for stage, path in given.items() if path and stage in stages):
         if path.stat().st_size <= QUICK:

@@ -79,7 +79,7 @@ def test_damage_is_named(door: Door, name: str, tmp_path: Path) -> None:
         described = json.loads((model / "bundle.json").read_text())
         (model / "bundle.json").write_text(json.dumps({**described, "files": {}}))
     damage(model / place)
-    said = door.refused("run", words, MODEL=str(model))
+    said = door.refused("plan", words, MODEL=str(model))
     assert place.rpartition("/")[2] in said
     assert str(tmp_path) in said, "as it was typed"
 
@@ -95,4 +95,4 @@ def test_the_merges_of_one_file(door: Door, merges: object, tmp_path: Path) -> N
         (model / "tokenizer" / name).unlink()
     whole = {"model": {"vocab": vocabulary, "merges": merges}}
     (model / "tokenizer" / "tokenizer.json").write_text(json.dumps(whole))
-    door.refused("run", "tokenizer.json", "merges", MODEL=str(model))
+    door.refused("plan", "tokenizer.json", "merges", MODEL=str(model))
