@@ -35,7 +35,7 @@ def analysis() -> np.ndarray:
 
 def save(folder: Path, name: str, operator: str, kernel: np.ndarray, ports: tuple[str, str]) -> None:
     """Write a graph of one convolution to folder/name/model.onnx."""
-    shapes = [["b", 3, "h", "w"], ["b", 4, "y", "x"]]
+    shapes: list[list[str | int | None]] = [["b", 3, "h", "w"], ["b", 4, "y", "x"]]
     given, made = shapes if operator == "Conv" else shapes[::-1]
     graph = helper.make_graph(
         [helper.make_node(operator, [ports[0], "kernel"], [ports[1]], strides=[SIDE, SIDE])],

@@ -183,8 +183,9 @@ def _piece(geometry: Any, transform: np.ndarray, path: Path) -> tuple[ColouredMe
     if image is not None and uv is not None and len(uv) == len(vertices):
         corners = (np.asarray(uv, np.float64)[:, :2] * [1, -1] + [0, 1])[faces]
         factor = np.ones(3)
-        if linear and getattr(material, "baseColorFactor", None) is not None:
-            factor = _unit(material.baseColorFactor)[:3]
+        said = getattr(material, "baseColorFactor", None)
+        if linear and said is not None:
+            factor = _unit(said)[:3]
         return _mesh(vertices, faces, Paint(_texture(image, path), factor), corners, None), True
     colours = None
     if visual.kind == "vertex":

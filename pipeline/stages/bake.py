@@ -26,10 +26,10 @@ def main(context: Context) -> None:
     mesh = read_obj(context.inputs["mesh"])
     scene = load_scene(context.inputs["scene"])
     description = context.inputs.get("description")
-    views = options.views
+    count = options.views
     if scene.rgb is None:
-        views = views_to_decode(options.views, options.large_views, description)
-    cameras = bake_cameras(views, bounding_radius(mesh))
+        count = views_to_decode(options.views, options.large_views, description)
+    cameras = bake_cameras(count, bounding_radius(mesh))
     with Progress("bake", len(cameras), "views") as progress:
         if scene.rgb is not None:
             pixels = PIXELS_PER_LATENT * view_resolution(description)

@@ -22,8 +22,8 @@ def main(context: Context) -> None:
     painted = load_painted(context.inputs["painted"])
     mesh = load_paint_mesh(context.inputs["mesh"]).scaled(painted.mesh_radius)
     description = context.inputs.get("description")
-    views = views_to_decode(options.views, options.large_views, description)
-    cameras = bake_cameras(views, bounding_radius(mesh))
+    count = views_to_decode(options.views, options.large_views, description)
+    cameras = bake_cameras(count, bounding_radius(mesh))
     resolution = options.view_resolution or view_resolution(description)
     metrics = context.metrics
     if painted.texture is None and options.method == "atlas":

@@ -5,6 +5,9 @@ What goes on is the state after these steps, so the asset is that which its seed
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float
 
@@ -80,30 +83,34 @@ def main(context: Context) -> None:
     rows, provider = 2 * options.cameras_per_step, job.provider
     with denoiser(inputs["unet"], provider=provider, rows_expected=rows, views=bundle.views) as denoise:
         view_gradient = distillation_gradient(denoise, schedule, embeddings, options, conditions)
+
+        def begin(seed: int, folder: Path) -> tuple[State, History]:
+            def keep(state: State, history: History) -> None:
+                checkpoints.write(folder, state.step, encode_state(state, history))
+
+            name = f"contest, seed {seed}"
+            state, history, _, damaged = resume(
+                name,
+                folder,
+                lambda values: decode_state(values, options),
+                lambda: initial_state(options, backgrounds, seed, sketch),
+                show,
+            )
+            warnings.extend(damaged)
+            named: dict[str, Any] = {"keep": keep, "show": show, "sketch": sketch}
+            with explained("contest", "train_nerf", lambda: state.step, folder):
+                train(state, history, options, resolution, view_gradient, until=until, stage=name, **named)
+            keep(state, history)
+            return state, history
+
         for place in range(job.seeds):
             seed = (job.seed + place) % 2**32
             folder = context.scratch / str(seed)
             folder.mkdir(exist_ok=True)
-
-            def initial(seed: int = seed) -> State:
-                return initial_state(options, backgrounds, seed, sketch)
-
-            def keep(state: State, history: History, folder=folder) -> None:  # type: ignore[no-untyped-def]
-                checkpoints.write(folder, state.step, encode_state(state, history))
-
-            state, history, _, damaged = resume(
-                f"contest, seed {seed}", folder, lambda values: decode_state(values, options), initial, show
-            )
-            warnings += damaged
-            with explained("contest", "train_nerf", lambda state=state: state.step, folder):
-                train(
-                    state, history, options, resolution, view_gradient,
-                    keep=keep, show=show, sketch=sketch, until=until, stage=f"contest, seed {seed}",
-                )  # fmt: skip
-            keep(state, history)
-            latents = render_views(state.scene, batch.cameras, resolution, backgrounds[0]).latents
+            states[seed] = begin(seed, folder)
+            scene = states[seed][0].scene
+            latents = render_views(scene, batch.cameras, resolution, backgrounds[0]).latents
             scores[seed] = agreement(latents, batch, denoise, schedule, embeddings, options, conditions)
-            states[seed] = state, history
             say(f"contest: seed {seed} scores {scores[seed].score:.3f}")
     best = max(scores, key=lambda seed: scores[seed].score)
     state, history = states[best]

@@ -121,9 +121,9 @@ def main(context: Context) -> None:
     own = open_bundle(inputs["vae_decoder"].parent, verify=False)
     scene = load_scene(inputs["start_scene"]) if "start_scene" in inputs else None
     same = scene is not None and path_sha256(inputs["start_decoder"]) == path_sha256(inputs["vae_decoder"])
-    source = inputs.get("start_scene") or inputs.get("start_mesh")
+    given = inputs.get("start_scene") or inputs.get("start_mesh")
     context.metrics.update(
-        before=spent_before(source) if source else [],
+        before=spent_before(given) if given else [],
         warnings=[],
         fitted=not same or scene is None or scene.rgb is not None,
     )
@@ -137,6 +137,7 @@ def main(context: Context) -> None:
     options = fit_options(job.train_nerf, job.start_fit.steps)
     cameras = preview_cameras(options)
 
+    source: Scene | Sketch
     with ExitStack() as stack:
         other, sketch = None, None
         if scene is None:
@@ -144,11 +145,13 @@ def main(context: Context) -> None:
             faces = orient_outwards(mesh.vertices, mesh.faces)
             sketch = tabulate(mesh.vertices, faces, job.start_fit.cells, job.start)
             pictures = mesh_pictures(mesh)
+            source = sketch
         else:
             other = open_bundle(inputs["start_decoder"].parent, verify=False)
             resolution = view_resolution(inputs.get("start_description"))
             decoder = vae_decoder(inputs["start_decoder"], other.latent_scale, job.provider)
             pictures = scene_pictures(scene, resolution, stack.enter_context(decoder))
+            source = scene
 
         def show(state: State) -> None:
             views = render_views(state.scene, cameras, own.latent_size)
@@ -158,7 +161,7 @@ def main(context: Context) -> None:
             "start",
             context.scratch,
             lambda values: decode_state(values, options),
-            lambda: first_state(sketch or scene, own, other, embeddings, options, job.seed),
+            lambda: first_state(source, own, other, embeddings, options, job.seed),
             show,
         )
         rng = np.random.default_rng([job.seed, 5])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,14 +40,15 @@ def quarters_of(picture: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("suffix", ["glb", "gltf", "obj"])
 def test_a_texture_is_where_the_file_has_it(suffix: str, tmp_path: Path) -> None:
     image = Image.fromarray(QUARTERS)
-    material = trimesh.visual.material.PBRMaterial(
+    material: Any = trimesh.visual.material.PBRMaterial(
         baseColorTexture=image, baseColorFactor=[255, 255, 255, 255]
     )
     if suffix == "obj":
         material = trimesh.visual.material.SimpleMaterial(image=image)
     made = square(trimesh.visual.TextureVisuals(UV, material=material))
     if suffix == "gltf":
-        for name, content in made.export(file_type="gltf").items():
+        files: Any = made.export(file_type="gltf")
+        for name, content in files.items():
             (tmp_path / name.replace("model", "a")).write_bytes(content)
     else:
         made.export(tmp_path / f"a.{suffix}")

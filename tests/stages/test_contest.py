@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.diffusion.agreement import agreement
 from pipeline.options.nerf import Contest
 from pipeline.run.stage import Context
 from pipeline.stages import contest, train_nerf
@@ -37,7 +38,7 @@ def test_the_best_seed_goes_on_as_if_it_were_alone(
     assert scores[str(best)]["score"] == max(row["score"] for row in scores.values())
 
     killed = to_contest(tmp_path / "killed", bundle, 3)
-    real = contest.agreement
+    real = agreement
 
     def stop(*arguments, **named):
         if (killed.scratch / "4").is_dir():

@@ -8,6 +8,7 @@ import trimesh
 
 from pipeline.errors import InputError
 from pipeline.nerf import start as fits
+from pipeline.nerf import step
 from pipeline.nerf.scene import load_scene
 from pipeline.options.job import Job
 from pipeline.options.nerf import TrainNerf
@@ -114,7 +115,7 @@ def test_a_mesh_of_another_tool_killed_and_resumed_is_the_same_scene(
     whole = to_start(tmp_path / "whole", bundle, {"start_file": ball})
     start.main(whole)
     assert whole.metrics["psnr"] > 14
-    real = fits.training_step
+    real = step.training_step
 
     def killed(state, *arguments, **named):
         if state.step == 17:
