@@ -143,7 +143,12 @@ def main(context: Context) -> None:
         if scene is None:
             mesh = start_mesh(inputs, job.prepare, job.start_fit.radius)
             faces = orient_outwards(mesh.vertices, mesh.faces)
-            sketch = tabulate(mesh.vertices, faces, job.start_fit.cells, job.start)
+            sketch = tabulate(
+                mesh.vertices,
+                faces,
+                job.start_fit.cells,
+                str(inputs.get("start_file") or inputs["start_mesh"]),
+            )
             pictures = mesh_pictures(mesh)
             source = sketch
         else:

@@ -57,11 +57,11 @@ def test_hostile_values_end_in_one_line(tmp_path: Path) -> None:
         *(
             ({"START": str(run), "STRENGTH": value}, fault)
             for value, fault in (
-                ("0", "strength is 0.0, expected a number from 0.01 to 1"),
-                ("-1", "strength is -1.0"),
-                ("2", "strength is 2.0"),
-                ("nan", "strength is nan"),
-                ("1e999", "strength is inf"),
+                ("0", "STRENGTH is 0.0, expected a number from 0.01 to 1"),
+                ("-1", "STRENGTH is -1.0"),
+                ("2", "STRENGTH is 2.0"),
+                ("nan", "STRENGTH is nan"),
+                ("1e999", "STRENGTH is inf"),
                 ("much", "STRENGTH is 'much', expected a number"),
             )
         ),
