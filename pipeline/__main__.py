@@ -1,16 +1,19 @@
-"""The front door behind make: ``python -m pipeline run | plan | verify | options``.
+"""The front door: behind make (``python -m pipeline verb``) and of the console script (``latent-nerf verb``).
 
-Takes everything from the environment (PROMPT, NEGATIVE, TOKEN, MODEL, SEED, QUALITY, SKETCH, SIGMA_S, REFINE,
-MESH, PARAM, PROVIDER, JOB, OUT, THREADS, PROFILE, RUN), so that no shell ever reads what a user wrote. Exit
-status: 0, 2 for what the user can mend, 1 for a fault of the program.
+Make passes everything in the environment (PROMPT, SEED and the others of help.txt), so that no shell ever
+reads what a user wrote; the console script takes the same as options. Exit status: 0, 2 for what the user can
+mend, 1 for a fault of the program.
 """
 
-import argparse
+import importlib.util
 import os
+import subprocess
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NoReturn
 
+from pipeline.cli.arguments import make_parser, parse, variables_of_make
 from pipeline.errors import InputError
 from pipeline.files import refusal
 from pipeline.options import job as jobs
@@ -21,12 +24,13 @@ from pipeline.run.verify import verify
 
 
 def main(arguments: list[str], environment: Mapping[str, str]) -> int:
-    """Carry out one command and return the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m pipeline", description=__doc__)
-    parser.add_argument("command", choices=["run", "plan", "verify", "options"])
-    command = parser.parse_args(arguments).command
+    """Carry out one command, with make's variables from the environment, and return the exit status."""
     try:
-        status = {"run": _run, "plan": _plan, "verify": _verify, "options": _options}[command](environment)
+        verb, given = parse(arguments)
+        if not verb:
+            make_parser().print_help()
+            return 0
+        status = COMMANDS[verb]({**variables_of_make(verb, environment), **given})
         sys.stdout.flush()
         return status
     except InputError as error:
@@ -94,8 +98,53 @@ def _verify(environment: Mapping[str, str]) -> int:
 
 
 def _options(environment: Mapping[str, str]) -> int:
-    print(describe(jobs.Job))
+    job = jobs.resolve({"PROMPT": "a red armchair", "MODEL": environment.get("MODEL", "")})
+    print(describe(jobs.Job, job))
     return 0
+
+
+def _models(environment: Mapping[str, str]) -> int:
+    from pipeline.cli.models import list_models
+
+    faults = list_models(environment.get("VERIFY", "0") not in ("", "0"), print)
+    if faults:
+        raise InputError("; ".join(faults))
+    return 0
+
+
+def _doctor(environment: Mapping[str, str]) -> int:
+    from pipeline.cli import doctor
+
+    threads = _threads(environment)
+    wrong = doctor.report(doctor.checks(_out(environment), threads), print)
+    wrong += doctor.report(doctor.model_findings(), print)
+    wrong += doctor.report(iter([doctor.self_test(threads)]), print)
+    print("nothing is wrong" if not wrong else f"{wrong} wrong, with what to do after the arrows")
+    return 2 if wrong else 0
+
+
+def _completion(environment: Mapping[str, str]) -> int:
+    from pipeline.cli.completion import script
+
+    print(script(make_parser(), environment["SHELL"]))
+    return 0
+
+
+def _export(environment: Mapping[str, str]) -> int:
+    return _with_extra("export", "diffusers", environment)
+
+
+def _learn_token(environment: Mapping[str, str]) -> int:
+    return _with_extra("export.everyday_objects.train.learn_token", "diffusers", environment)
+
+
+def _with_extra(module: str, needed: str, environment: Mapping[str, str]) -> int:
+    """Run a module that lies beside this package and needs an extra, in a process of its own."""
+    if importlib.util.find_spec(needed) is None:
+        raise InputError(
+            'this needs the extra export, which is not installed: pip install "latent-nerf-onnx[export]"'
+        )
+    return subprocess.call([sys.executable, "-m", module], env={**os.environ, **environment})
 
 
 def _out(environment: Mapping[str, str]) -> Path:
@@ -123,7 +172,28 @@ def _threads(environment: Mapping[str, str]) -> int:
     return int(text)
 
 
-if __name__ == "__main__":
-    status = main(sys.argv[1:], os.environ)
+COMMANDS = {
+    "run": _run,
+    "plan": _plan,
+    "verify": _verify,
+    "options": _options,
+    "models": _models,
+    "doctor": _doctor,
+    "export": _export,
+    "learn-token": _learn_token,
+    "completion": _completion,
+}
+
+
+def console() -> NoReturn:
+    """Be the program `latent-nerf`: what it is told, it is told on its command line alone."""
+    _end(main(sys.argv[1:], {}))
+
+
+def _end(status: int) -> NoReturn:
     sys.stderr.flush()
     os._exit(status)  # the modules of Snakemake take a third of a second to be taken down
+
+
+if __name__ == "__main__":
+    _end(main(sys.argv[1:], os.environ))

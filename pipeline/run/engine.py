@@ -194,7 +194,7 @@ def _become_snakemake(arguments: list[str], log: Path, variables: Mapping[str, s
         # A stage's progress is its standard output; the rest is Snakemake's and goes to the log.
         written = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
         nothing = os.open(os.devnull, os.O_RDONLY)
-        for standard, descriptor in enumerate((nothing, sys.stderr.fileno(), written)):
+        for standard, descriptor in enumerate((nothing, _standard_error(), written)):
             os.dup2(descriptor, standard)
         sys.stdin, sys.stdout, sys.stderr = (
             os.fdopen(standard, mode, closefd=False) for standard, mode in enumerate("rww")
@@ -213,6 +213,14 @@ def _become_snakemake(arguments: list[str], log: Path, variables: Mapping[str, s
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(status)  # not the caller's own end
+
+
+def _standard_error() -> int:
+    """Return the descriptor that progress goes to; notebooks put a stream without one in its place."""
+    try:
+        return sys.stderr.fileno()
+    except (OSError, AttributeError, ValueError):
+        return 2
 
 
 def _runs_here(profile: Path) -> bool:
