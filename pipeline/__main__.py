@@ -15,7 +15,7 @@ from typing import NoReturn
 
 from pipeline.cli.arguments import make_parser, parse, variables_of_make
 from pipeline.errors import InputError
-from pipeline.files import refusal
+from pipeline.files import refusal, write_text
 from pipeline.options import job as jobs
 from pipeline.options.schema import describe
 from pipeline.progress import duration
@@ -123,6 +123,18 @@ def _doctor(environment: Mapping[str, str]) -> int:
     return 2 if wrong else 0
 
 
+def _gallery(environment: Mapping[str, str]) -> int:
+    from pipeline.report import gallery
+
+    out = _out(environment)
+    runs = gallery.find_runs(out)
+    if not runs:
+        raise InputError(f"{out} holds no finished run: make one first, or say OUT=folder")
+    write_text(out / gallery.NAME, gallery.render(runs))
+    print(out / gallery.NAME)
+    return 0
+
+
 def _completion(environment: Mapping[str, str]) -> int:
     from pipeline.cli.completion import script
 
@@ -179,6 +191,7 @@ COMMANDS = {
     "options": _options,
     "models": _models,
     "doctor": _doctor,
+    "gallery": _gallery,
     "export": _export,
     "learn-token": _learn_token,
     "completion": _completion,

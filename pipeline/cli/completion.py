@@ -2,7 +2,6 @@
 
 import argparse
 import typing
-from pathlib import Path
 from typing import Literal
 
 import shtab
