@@ -17,7 +17,7 @@ from pipeline.cli.arguments import make_parser, parse, variables_of_make
 from pipeline.errors import InputError
 from pipeline.files import refusal, write_text
 from pipeline.options import job as jobs
-from pipeline.options.schema import describe
+from pipeline.options.schema import describe, short
 from pipeline.progress import duration
 from pipeline.run import engine
 from pipeline.run.verify import verify
@@ -123,6 +123,19 @@ def _doctor(environment: Mapping[str, str]) -> int:
     return 2 if wrong else 0
 
 
+def _serve(environment: Mapping[str, str]) -> int:
+    if importlib.util.find_spec("starlette") is None or importlib.util.find_spec("uvicorn") is None:
+        raise InputError('this needs the extra serve, which is not installed: pip install "latent-nerf-onnx[serve]"')
+    from pipeline.server.serve import serve
+
+    port = environment.get("PORT") or "8008"
+    if not port.isdecimal() or int(port) > 65_535:
+        raise InputError(f"PORT is {short(port)}, expected a whole number from 0 to 65535")
+    host, profile = environment.get("HOST") or "127.0.0.1", environment.get("PROFILE") or "local"
+    serve(_out(environment), host, int(port), _threads(environment), profile, lambda line: print(line, flush=True))
+    return 0
+
+
 def _gallery(environment: Mapping[str, str]) -> int:
     from pipeline.report import gallery
 
@@ -191,6 +204,7 @@ COMMANDS = {
     "options": _options,
     "models": _models,
     "doctor": _doctor,
+    "serve": _serve,
     "gallery": _gallery,
     "export": _export,
     "learn-token": _learn_token,

@@ -1,5 +1,6 @@
 """Progress of long work, for a person: a line that says how far, how long still, and how it goes."""
 
+import os
 import sys
 import time
 from types import TracebackType
@@ -7,7 +8,9 @@ from typing import Self, TextIO
 
 PATIENCE = 2.0
 """Work shorter than this says nothing [seconds]."""
-INTERVAL = {True: 0.2, False: 5.0}
+EVERY = "PIPELINE_PROGRESS_SECONDS"
+"""Environment variable: time between lines that no terminal shows, for programs that read them [seconds]."""
+INTERVAL = {True: 0.2, False: float(os.environ.get(EVERY) or 5.0)}
 """Time between lines on a terminal and elsewhere [seconds]."""
 
 channel: TextIO | None = None

@@ -21,7 +21,7 @@ EXTRA = """
 .gallery { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 13rem), 1fr)); gap: 1.25rem;
            list-style: none; padding: 0; margin: 1.5rem 0; }
 .gallery h2 { font-size: 1rem; margin: .4rem 0 0; overflow-wrap: anywhere; }
-.gallery p { margin: 0; font-size: .9rem; }
+.gallery p { margin: 0; font-size: .9rem; overflow-wrap: anywhere; }
 .tile { display: block; aspect-ratio: 1; overflow: hidden; border-radius: 6px; background: var(--plate); padding: 0;
         border: 0; width: 100%; }
 .tile img { width: 400%; max-width: none; margin: 0; border-radius: 0; }
@@ -114,7 +114,10 @@ def render(cards: Sequence[Card]) -> str:
 def _card(card: Card) -> str:
     place, prompt = quote(card.name), html.escape(str(card.job.get("prompt", "")), quote=True)
     facts = [f"{name} {card.job[name]}" for name in ("quality", "seed") if name in card.job]
-    facts += [f"{name} {Path(str(card.job[name])).name}" for name in ("sketch", "mesh") if card.job.get(name)]
+    for name in ("sketch", "mesh"):
+        if file := Path(str(card.job.get(name) or "")):
+            # What the page took is known by its checksum.
+            facts += [f"{name} {'of a visitor' if len(file.stem) == 64 else file.name}"] if file.name else []
     told = html.escape(" · ".join([*facts, duration(card.seconds)]))
     return (
         f'<li><a class="tile" href="{place}/report.html" data-prompt="{prompt}">'

@@ -17,7 +17,7 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
-from pipeline.diffusion.bundle import OPTIONAL_GRAPHS, REQUIRED_GRAPHS, Bundle, open_bundle
+from pipeline.diffusion.bundle import Bundle, open_bundle
 from pipeline.errors import InputError
 from pipeline.files import refusal, write_text
 from pipeline.options import job as jobs
@@ -27,7 +27,7 @@ from pipeline.progress import duration, say
 from pipeline.run import staleness
 from pipeline.run.chain import stages_of
 from pipeline.run.costs import Cost
-from pipeline.run.estimate import available_memory_mb, estimate, machine_pace
+from pipeline.run.estimate import available_memory_mb, machine_pace, price
 from pipeline.run.plan import Step, make_plan
 from pipeline.run.snakefiles import read_chain, snakefile, snakemake_config
 from pipeline.run.stage import FOLLOW_PARENT, die_with_parent
@@ -108,11 +108,8 @@ def environment(threads: int, base: Mapping[str, str]) -> dict[str, str]:
 
 
 def _priced(job: Job, bundle: Bundle, steps: list[Step], pace: float) -> list[tuple[Step, Cost]]:
-    graphs = [*REQUIRED_GRAPHS, *OPTIONAL_GRAPHS]
-    weights = {
-        name: sum(file.stat().st_size for file in (bundle.path / name).rglob("*")) / 2**20 for name in graphs
-    }
-    return [(step, estimate(step.stage, job, bundle.latent_size, weights, pace)) for step in steps]
+    costs = price(job, bundle, [step.stage for step in steps], pace)
+    return [(step, costs[step.stage]) for step in steps]
 
 
 def _check_room(run: Path, priced: list[tuple[Step, Cost]]) -> None:
