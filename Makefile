@@ -54,7 +54,7 @@ serve: .venv/.serve
 	@$(IN_VENV) -m pipeline serve
 
 dist: .venv/.runtime
-	@$(IN_VENV) tools/make_dist.py
+	@$(IN_VENV) integrations/dist/make_dist.py
 
 export: .venv/.dev
 	@$(IN_VENV) -m export

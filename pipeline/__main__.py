@@ -136,6 +136,27 @@ def _serve(environment: Mapping[str, str]) -> int:
     return 0
 
 
+def _sweep(environment: Mapping[str, str]) -> int:
+    from pipeline.options.sweep import read_sweep
+    from pipeline.report.contact_sheet import write_overview
+    from pipeline.run.sweep import run_sweep, sweep_folder
+
+    if not environment.get("JOBS"):
+        raise InputError("JOBS is empty: name a file with prompts, for example make sweep JOBS=sweep.yaml")
+    path, out = Path(environment["JOBS"]), _out(environment)
+    threads, profile = _threads(environment), environment.get("PROFILE") or "local"
+    sweep = read_sweep(path)
+    folder = sweep_folder(out, sweep.jobs, path.stem)
+    outcomes = run_sweep(sweep.jobs, out, folder, threads, profile)
+    rows = [(one.run, sweep.values(one.job), one.reason) for one in outcomes]
+    for file in write_overview(folder, path.stem, rows):
+        print(file)
+    failed = [one for one in outcomes if one.reason]
+    if failed:
+        raise InputError(f"{len(failed)} of {len(outcomes)} were not made; the first: {failed[0].reason}")
+    return 0
+
+
 def _gallery(environment: Mapping[str, str]) -> int:
     from pipeline.report import gallery
 
@@ -205,6 +226,7 @@ COMMANDS = {
     "models": _models,
     "doctor": _doctor,
     "serve": _serve,
+    "sweep": _sweep,
     "gallery": _gallery,
     "export": _export,
     "learn-token": _learn_token,

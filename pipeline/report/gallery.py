@@ -91,17 +91,17 @@ def find_runs(out: Path) -> list[Card]:
     return sorted(cards, key=lambda card: (-card.finished, card.name))
 
 
-def render(cards: Sequence[Card]) -> str:
-    """Return the page as HTML, for the folder that the runs are in. Every text in it is escaped."""
+def render(cards: Sequence[Card], title: str = "Gallery", base: str = "") -> str:
+    """Return the page as HTML; `base` leads from it to the folder of the runs. Every text in it is escaped."""
     count = f"{len(cards)} run" + ("" if len(cards) == 1 else "s")
-    tiles = "\n".join(map(_card, cards))
+    tiles = "\n".join(_card(card, base) for card in cards)
     rules = policy([SCRIPT]).replace("img-src data: blob:", "img-src 'self' file:") + "; frame-src 'self' file:"
     empty = "" if cards else "<p>Nothing is finished here yet.</p>"
     return (
         f'<!doctype html>\n<html lang="en">\n<head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{html.escape(rules, quote=True)}">'
-        f'<title>Gallery</title><meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<style>{STYLE}{EXTRA}</style></head>\n<body>\n<header><h1>Gallery</h1></header>\n<main>\n"
+        f'<title>{html.escape(title)}</title><meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<style>{STYLE}{EXTRA}</style></head>\n<body>\n<header><h1>{html.escape(title)}</h1></header>\n<main>\n"
         f'<p><label for="search">Find </label><input id="search" type="search" autocomplete="off"> '
         f'<span class="dim" id="count" role="status">{count}</span></p>\n{empty}'
         f'<ul class="gallery">\n{tiles}\n</ul>\n</main>\n'
@@ -111,8 +111,8 @@ def render(cards: Sequence[Card]) -> str:
     )
 
 
-def _card(card: Card) -> str:
-    place, prompt = quote(card.name), html.escape(str(card.job.get("prompt", "")), quote=True)
+def _card(card: Card, base: str) -> str:
+    place, prompt = base + quote(card.name), html.escape(str(card.job.get("prompt", "")), quote=True)
     facts = [f"{name} {card.job[name]}" for name in ("quality", "seed") if name in card.job]
     for name in ("sketch", "mesh"):
         if file := Path(str(card.job.get(name) or "")):

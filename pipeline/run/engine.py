@@ -8,30 +8,21 @@ import contextlib
 import fcntl
 import os
 import shutil
-import signal
-import subprocess
-import sys
-import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from types import FrameType
-from typing import NoReturn
 
 from pipeline.diffusion.bundle import Bundle, open_bundle
 from pipeline.errors import InputError
 from pipeline.files import refusal, write_text
 from pipeline.options import job as jobs
 from pipeline.options.job import Job
-from pipeline.options.schema import read_yaml
 from pipeline.progress import duration, say
-from pipeline.run import staleness
 from pipeline.run.chain import stages_of
 from pipeline.run.costs import Cost
 from pipeline.run.estimate import available_memory_mb, machine_pace, price
 from pipeline.run.plan import Step, make_plan
 from pipeline.run.snakefiles import read_chain, snakefile, snakemake_config
-from pipeline.run.stage import FOLLOW_PARENT, die_with_parent
-from pipeline.run.stage_server import ADDRESS, GRACE
+from pipeline.run.snakemake_process import PROGRESS, run_snakemake, warm
 
 PROFILES = Path(__file__).parents[1] / "profiles"
 RESULTS = ("asset.glb", "report.html")
@@ -65,9 +56,9 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
     run = out / jobs.run_name(job)
     open_bundle(folder, verify=not run.exists())  # before anything is written
     pace = machine_pace()  # before anything else is going on
-    settings = _profile(profile)
-    with _user_view_of_os_errors(), _locked(run), _warm(job, run, settings, threads) as variables:
-        _point_latest(run)
+    settings = profile_folder(profile)
+    with _user_view_of_os_errors(), locked(run), _warmed(job, run, settings, threads) as variables:
+        point_latest(run)
         steps = make_plan(job, run, read_chain(job, run))
         described = jobs.to_yaml(job)
         if all(step.verdict == "unchanged" for step in steps):
@@ -80,31 +71,15 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
         for reason in (run / "stages").glob("*.error"):
             reason.unlink()
         stale = [step.stage for step in steps if step.verdict != "unchanged"]
-        if _snakemake(job, run, stale, threads, settings, variables):
-            raise _failure(run)
+        config = [f"{name}={value}" for name, value in snakemake_config(job, run, threads).items()]
+        arguments = ["--forcerun", *stale, "--config", *config]
+        told = [run / PROGRESS]
+        if run_snakemake(snakefile(job), run, arguments, threads, settings, variables, told):
+            raise failure(run)
         missing = [name for name in RESULTS if not (run / name).is_file()]
         if missing:
             raise StageFailure(f"the chain ended without {', '.join(missing)}; see {run}/logs/snakemake.log")
     return run
-
-
-def environment(threads: int, base: Mapping[str, str]) -> dict[str, str]:
-    """Return the environment of the stages: what could change their results does not come from the caller."""
-    pools = (
-        "OMP_NUM_THREADS",
-        "OPENBLAS_NUM_THREADS",
-        "MKL_NUM_THREADS",
-        "NUMBA_NUM_THREADS",
-        "NUMEXPR_NUM_THREADS",
-    )
-    path = os.pathsep.join(filter(None, [str(staleness.ROOT), base.get("PYTHONPATH", "")]))
-    return {
-        **base,
-        **dict.fromkeys(pools, str(threads)),
-        "PYTHONPATH": path,
-        "PYTHONHASHSEED": "0",
-        FOLLOW_PARENT: "1",
-    }
 
 
 def _priced(job: Job, bundle: Bundle, steps: list[Step], pace: float) -> list[tuple[Step, Cost]]:
@@ -132,133 +107,13 @@ def _check_room(run: Path, priced: list[tuple[Step, Cost]]) -> None:
         )
 
 
-def _snakemake(
-    job: Job,
-    run: Path,
-    stages: list[str],
-    threads: int,
-    profile: Path,
-    variables: Mapping[str, str],
-) -> int:
-    """Have Snakemake run the stages named and those after them; return its exit status."""
-    config = [f"{name}={value}" for name, value in snakemake_config(job, run, threads).items()]
-    arguments = [
-        "--snakefile",
-        str(snakefile(job)),
-        "--directory",
-        str(run),
-        "--profile",
-        str(profile),
-        "--quiet",
-        "all",
-        "--rerun-triggers",
-        "mtime",
-        "--rerun-incomplete",
-        "--keep-incomplete",
-        "--nolock",
-        "--forcerun",
-        *stages,
-        "--config",
-        *config,
-        *(["--cores", str(threads)] if _runs_here(profile) else []),
-    ]
-    (run / "logs").mkdir(exist_ok=True)
-    sys.stdout.flush()
-    sys.stderr.flush()
-    with _termination_as_interrupt():
-        process = os.fork()  # it has Snakemake imported already, which takes more than a second
-        if process == 0:
-            _become_snakemake(arguments, run / "logs" / "snakemake.log", variables)
-        ended = False
-        try:
-            _, status = os.waitpid(process, 0)
-            ended = True
-            return os.waitstatus_to_exitcode(status)
-        finally:
-            if not ended:
-                os.kill(process, signal.SIGKILL)
-                os.waitpid(process, 0)
+def _warmed(
+    job: Job, run: Path, profile: Path, threads: int
+) -> contextlib.AbstractContextManager[dict[str, str]]:
+    return warm([stage.name for stage in stages_of(job) if stage.warm], run, profile, threads)
 
 
-def _become_snakemake(arguments: list[str], log: Path, variables: Mapping[str, str]) -> NoReturn:
-    """Be Snakemake, in the fork. The lock of the run stays held as long as it lives."""
-    status = 1
-    try:
-        die_with_parent()
-        for number in (signal.SIGTERM, signal.SIGHUP):
-            if signal.getsignal(number) is not signal.SIG_IGN:
-                signal.signal(number, signal.SIG_DFL)
-        # A stage's progress is its standard output; the rest is Snakemake's and goes to the log.
-        written = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
-        nothing = os.open(os.devnull, os.O_RDONLY)
-        for standard, descriptor in enumerate((nothing, _standard_error(), written)):
-            os.dup2(descriptor, standard)
-        sys.stdin, sys.stdout, sys.stderr = (
-            os.fdopen(standard, mode, closefd=False) for standard, mode in enumerate("rww")
-        )
-        os.environ.clear()
-        os.environ.update(variables)
-        from snakemake.cli import main
-
-        main(arguments)
-        status = 0
-    except SystemExit as end:
-        status = end.code if isinstance(end.code, int) else int(end.code is not None)
-    except BaseException:
-        traceback.print_exc()
-    finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(status)  # not the caller's own end
-
-
-def _standard_error() -> int:
-    """Return the descriptor that progress goes to; notebooks put a stream without one in its place."""
-    try:
-        return sys.stderr.fileno()
-    except (OSError, AttributeError, ValueError):
-        return 2
-
-
-def _runs_here(profile: Path) -> bool:
-    return bool(read_yaml(profile / "config.yaml").get("executor", "local") == "local")
-
-
-@contextlib.contextmanager
-def _warm(job: Job, run: Path, profile: Path, threads: int) -> Iterator[dict[str, str]]:
-    """Have `pipeline.run.stage_server` serve stages meanwhile; give the environment to call them in."""
-    variables = environment(threads, os.environ)
-    cold = {name: value for name, value in variables.items() if name != ADDRESS}
-    # Elsewhere nothing would end the stages of a killed server.
-    if not _runs_here(profile) or sys.platform != "linux":
-        yield cold
-        return
-    served = [stage.name for stage in stages_of(job) if stage.warm]
-    address = run / ".warm"
-    address.unlink(missing_ok=True)
-    server = subprocess.Popen(
-        # Both ends name the socket from inside the run's folder: a longer path may not fit its address.
-        [sys.executable, "-m", "pipeline.run.stage_server", "--serve", address.name, *served],
-        cwd=run,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        env=cold,
-        preexec_fn=die_with_parent,
-    )
-    try:
-        yield {**cold, ADDRESS: address.name}
-    finally:
-        server.terminate()
-        try:
-            server.wait(GRACE + 5)
-        except subprocess.TimeoutExpired:
-            server.kill()
-            server.wait()
-        address.unlink(missing_ok=True)
-
-
-def _failure(run: Path) -> InputError | StageFailure:
+def failure(run: Path) -> InputError | StageFailure:
     """Return the reason that a stage left, or the best guess where it could leave none."""
     for path in sorted((run / "stages").glob("*.error"), key=os.path.getmtime):
         code, _, reason = path.read_text(encoding="utf-8").strip().partition(" ")
@@ -276,7 +131,7 @@ def _failure(run: Path) -> InputError | StageFailure:
 
 
 @contextlib.contextmanager
-def _locked(run: Path) -> Iterator[None]:
+def locked(run: Path) -> Iterator[None]:
     """Hold the run's folder for this process and its forks: the kernel drops the lock when all have ended."""
     run.mkdir(parents=True, exist_ok=True)
     descriptor = os.open(run / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
@@ -296,7 +151,7 @@ def _locked(run: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-def _point_latest(run: Path) -> None:
+def point_latest(run: Path) -> None:
     """Make `latest` beside the run point to it."""
     latest = run.parent / "latest"
     if latest.is_symlink() or not latest.exists():
@@ -305,7 +160,8 @@ def _point_latest(run: Path) -> None:
         os.replace(beside, latest)
 
 
-def _profile(name: str) -> Path:
+def profile_folder(name: str) -> Path:
+    """Return the folder of a profile of ours by its name, or the one that a path names."""
     known = sorted(path.name for path in PROFILES.iterdir())
     folder = PROFILES / name if name in known else Path(name)
     if not (folder / "config.yaml").is_file():
@@ -323,22 +179,3 @@ def _user_view_of_os_errors() -> Iterator[None]:
         if refused := refusal(error):
             raise refused from None
         raise
-
-
-@contextlib.contextmanager
-def _termination_as_interrupt() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP unwind as Ctrl-C does, so that what was started is stopped; not if the caller
-    ignores them, as nohup does."""
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    former: dict[signal.Signals, Callable[[int, FrameType | None], object] | int | None] = {}
-    try:
-        for number in (signal.SIGTERM, signal.SIGHUP):
-            if signal.getsignal(number) is not signal.SIG_IGN:
-                former[number] = signal.signal(number, interrupt)
-        yield
-    finally:
-        for number, handler in former.items():
-            signal.signal(number, handler)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.files import file_sha256
-from pipeline.run import engine
+from pipeline.run import engine, snakemake_process
 from tests.fake_project import RUN_STAGES, STEPS, Project, kill_group
 
 FAKES = RUN_STAGES[:-1]
@@ -180,7 +180,7 @@ def test_a_signal_that_the_caller_ignores_stays_ignored() -> None:
     """As under nohup."""
     former = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        with engine._termination_as_interrupt():
+        with snakemake_process._termination_as_interrupt():
             os.kill(os.getpid(), signal.SIGHUP)
             with pytest.raises(KeyboardInterrupt):
                 os.kill(os.getpid(), signal.SIGTERM)
