@@ -125,14 +125,17 @@ def _doctor(environment: Mapping[str, str]) -> int:
 
 def _serve(environment: Mapping[str, str]) -> int:
     if importlib.util.find_spec("starlette") is None or importlib.util.find_spec("uvicorn") is None:
-        raise InputError('this needs the extra serve, which is not installed: pip install "latent-nerf-onnx[serve]"')
+        raise InputError(
+            'this needs the extra serve, which is not installed: pip install "latent-nerf-onnx[serve]"'
+        )
     from pipeline.server.serve import serve
 
     port = environment.get("PORT") or "8008"
     if not port.isdecimal() or int(port) > 65_535:
         raise InputError(f"PORT is {short(port)}, expected a whole number from 0 to 65535")
+    out, threads = _out(environment), _threads(environment)
     host, profile = environment.get("HOST") or "127.0.0.1", environment.get("PROFILE") or "local"
-    serve(_out(environment), host, int(port), _threads(environment), profile, lambda line: print(line, flush=True))
+    serve(out, host, int(port), threads, profile, lambda line: print(line, flush=True))
     return 0
 
 

@@ -38,8 +38,8 @@ EXAMPLES = {
       latent-nerf serve --port 9000 --out /data/chairs
       latent-nerf serve --host 0.0.0.0        asks visitors for the token that it prints
 
-    Needs the extra: pip install "latent-nerf-onnx[serve]". Ctrl-C ends it; what was asked for goes on with the
-    next start.""",
+    Needs the extra: pip install "latent-nerf-onnx[serve]". Ctrl-C ends it; what was asked for goes on with
+    the next start.""",
     "sweep": """
       latent-nerf sweep prompts.txt           a prompt a line
       latent-nerf sweep sweep.yaml --profile slurm

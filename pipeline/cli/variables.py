@@ -1,6 +1,7 @@
 """What every verb takes, read from help.txt, which `make help` prints: there is no other list.
 
-A section of help.txt is headed ``run and plan take:``; in it, each variable stands as ``NAME=example``, then two
+A section of help.txt is headed ``run and plan take:``; in it, each variable stands as ``NAME=example``,
+       then two
 spaces, then what it means, over as many lines as it needs. Verbs stand before the first section, as
 ``make verb NAME=example``.
 """

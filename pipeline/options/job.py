@@ -205,7 +205,8 @@ def known_models(models: Path = MODELS) -> dict[str, Path]:
 
 
 def bundle_folder(model: str, models: Path = MODELS) -> Path:
-    """Return the absolute folder of a model: a name (see `known_models`), or a path (anything with a separator).
+    """Return the absolute folder of a model: a name (see `known_models`), or a path (anything with a
+    separator).
 
     Raises:
         InputError: there is no such folder; the text lists those there are, and says where more go.

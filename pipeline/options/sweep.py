@@ -40,7 +40,7 @@ def read_sweep(path: Path, models: Path = MODELS) -> Sweep:
     """
     if path.suffix.lower() in (".yaml", ".yml"):
         given = read_yaml(path)
-        lists = _lists(given)
+        lists = _lists(path, given)
     else:
         given = {}
         lists = {("prompt",): _lines(path)}
@@ -53,7 +53,9 @@ def read_sweep(path: Path, models: Path = MODELS) -> Sweep:
         raise InputError(f"{path} asks for {count} jobs, expected at most {MOST}: make several sweeps of it")
     found: dict[str, Job] = {}
     for values in itertools.product(*lists.values()):
-        options = {name: dict(value) if isinstance(value, Mapping) else value for name, value in given.items()}
+        options = {
+            name: dict(value) if isinstance(value, Mapping) else value for name, value in given.items()
+        }
         for (*section, name), value in zip(lists, values, strict=True):
             (options[section[0]] if section else options)[name] = value
         try:
@@ -71,7 +73,9 @@ def _lines(path: Path) -> list[str]:
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
     except ValueError:
-        raise InputError(f"{path} is no text in UTF-8: write one prompt a line, or a file that ends in .yaml") from None
+        raise InputError(
+            f"{path} is no text in UTF-8: write one prompt a line, or a file that ends in .yaml"
+        ) from None
     lines = [line.strip() for line in text.splitlines()]
     prompts = [line for line in lines if line and not line.startswith("#")]
     if not prompts:
@@ -79,7 +83,7 @@ def _lines(path: Path) -> list[str]:
     return prompts
 
 
-def _lists(given: Mapping[str, Any]) -> dict[tuple[str, ...], list[Any]]:
+def _lists(path: Path, given: Mapping[str, Any]) -> dict[tuple[str, ...], list[Any]]:
     """Return the lists of values by the name of their option, in the order of the file."""
     hints = typing.get_type_hints(Job)
     found: dict[tuple[str, ...], list[Any]] = {}
@@ -93,12 +97,14 @@ def _lists(given: Mapping[str, Any]) -> dict[tuple[str, ...], list[Any]]:
             found[(str(name),)] = values
     for names, values in found.items():
         if any(isinstance(value, Mapping) for value in values):
-            raise InputError(f"{'.'.join(names)} lists {short(values)}, expected plain values")
+            raise InputError(f"{path}: {'.'.join(names)} lists {short(values)}, expected plain values")
     return found
 
 
 def _values(value: Any, hint: Any) -> list[Any] | None:
-    """Return what to vary; None for a value that is one. A pair is a list in YAML: lists of pairs are varied."""
+    """Return what to vary; None for a value that is one. A pair is a list in YAML: lists of pairs are
+    varied.
+    """
     if not isinstance(value, list):
         return None
     if typing.get_origin(hint) is tuple:

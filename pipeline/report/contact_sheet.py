@@ -75,7 +75,9 @@ def _harmless(value: Any) -> Any:
 
 
 def _facts(run: Path) -> list[Any]:
-    """Return seconds, memory, faces and the number of warnings as the manifest has them; empty where it lacks."""
+    """Return seconds, memory, faces and the number of warnings as the manifest has them; empty where it
+    lacks.
+    """
     try:
         manifest = json.loads((run / "manifest.json").read_text(encoding="utf-8"))
         metrics = [entry["metrics"] for entry in manifest["stages"]]
@@ -102,14 +104,14 @@ def _caption(values: dict[str, Any]) -> str:
     for name, value in values.items():
         short = name.rpartition(".")[2]
         path = os.path.basename(str(value)) if name in ("mesh", "sketch", "token") else value
-        parts.append(str(value) if name == "prompt" else f"{short} {path}")
+        parts.append(str(value) if name == "prompt" else f"{short}\u00a0{path}")
     return ", ".join(parts)
 
 
 def _wrapped(text: str, font: Any) -> list[str]:
     """Return at most two lines that fit below a picture."""
     lines = [""]
-    for word in text.split():
+    for word in text.split(" "):
         longer = f"{lines[-1]} {word}".strip()
         if font.getlength(longer) <= TILE:
             lines[-1] = longer

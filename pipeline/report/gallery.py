@@ -18,16 +18,20 @@ from pipeline.report.viewer import inline, policy
 
 NAME = "gallery.html"
 EXTRA = """
-.gallery { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 13rem), 1fr)); gap: 1.25rem;
+.gallery { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 13rem), 1fr)); gap:
+       1.25rem;
            list-style: none; padding: 0; margin: 1.5rem 0; }
 .gallery h2 { font-size: 1rem; margin: .4rem 0 0; overflow-wrap: anywhere; }
 .gallery p { margin: 0; font-size: .9rem; overflow-wrap: anywhere; }
-.tile { display: block; aspect-ratio: 1; overflow: hidden; border-radius: 6px; background: var(--plate); padding: 0;
+.tile { display: block; aspect-ratio: 1; overflow: hidden; border-radius: 6px; background: var(--plate);
+       padding: 0;
         border: 0; width: 100%; }
 .tile img { width: 400%; max-width: none; margin: 0; border-radius: 0; }
-input { font: inherit; padding: .4rem .6rem; border: 1px solid #8888; border-radius: 6px; width: min(100%, 20rem);
+input { font: inherit; padding: .4rem .6rem; border: 1px solid #8888; border-radius: 6px; width: min(100%,
+       20rem);
         min-height: 2.5rem; box-sizing: border-box; background: var(--back); color: inherit; }
-dialog { width: min(64rem, 94vw); height: min(46rem, 90vh); border: 1px solid var(--line); border-radius: 10px;
+dialog { width: min(64rem, 94vw); height: min(46rem, 90vh); border: 1px solid var(--line); border-radius:
+       10px;
          padding: 1rem; background: var(--back); color: inherit; box-sizing: border-box; }
 dialog[open] { display: flex; flex-direction: column; } dialog iframe { flex: 1; border: 0; width: 100%; }
 dialog .viewer-bar { margin: 0 0 .5rem; justify-content: space-between; }
@@ -80,7 +84,11 @@ def find_runs(out: Path) -> list[Card]:
     cards = []
     for path in out.glob("*/manifest.json"):
         folder = path.parent
-        if folder.is_symlink() or not (folder / "report.html").is_file() or not (folder / "asset.glb").is_file():
+        if (
+            folder.is_symlink()
+            or not (folder / "report.html").is_file()
+            or not (folder / "asset.glb").is_file()
+        ):
             continue
         try:
             manifest = json.loads(path.read_text(encoding="utf-8"))
@@ -92,15 +100,20 @@ def find_runs(out: Path) -> list[Card]:
 
 
 def render(cards: Sequence[Card], title: str = "Gallery", base: str = "") -> str:
-    """Return the page as HTML; `base` leads from it to the folder of the runs. Every text in it is escaped."""
+    """Return the page as HTML; `base` leads from it to the folder of the runs. Every text in it is
+    escaped.
+    """
     count = f"{len(cards)} run" + ("" if len(cards) == 1 else "s")
     tiles = "\n".join(_card(card, base) for card in cards)
-    rules = policy([SCRIPT]).replace("img-src data: blob:", "img-src 'self' file:") + "; frame-src 'self' file:"
+    rules = (
+        policy([SCRIPT]).replace("img-src data: blob:", "img-src 'self' file:") + "; frame-src 'self' file:"
+    )
     empty = "" if cards else "<p>Nothing is finished here yet.</p>"
     return (
         f'<!doctype html>\n<html lang="en">\n<head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{html.escape(rules, quote=True)}">'
-        f'<title>{html.escape(title)}</title><meta name="viewport" content="width=device-width, initial-scale=1">'
+        f'<title>{html.escape(title)}</title>'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<style>{STYLE}{EXTRA}</style></head>\n<body>\n<header><h1>{html.escape(title)}</h1></header>\n<main>\n"
         f'<p><label for="search">Find </label><input id="search" type="search" autocomplete="off"> '
         f'<span class="dim" id="count" role="status">{count}</span></p>\n{empty}'
@@ -123,5 +136,6 @@ def _card(card: Card, base: str) -> str:
         f'<li><a class="tile" href="{place}/report.html" data-prompt="{prompt}">'
         f'<img loading="lazy" alt="{prompt}" src="{place}/preview.png"></a>'
         f'<h2>{prompt}</h2><p class="dim">{told}</p>'
-        f'<p><a href="{place}/report.html">report</a> · <a href="{place}/asset.glb" download>asset.glb</a></p></li>'
+        f'<p><a href="{place}/report.html">report</a> · '
+        f'<a href="{place}/asset.glb" download>asset.glb</a></p></li>'
     )

@@ -51,7 +51,8 @@ def inline(script: str) -> str:
 def policy(scripts: list[str]) -> str:
     """Return the content security policy of a page: nothing is fetched, and only these scripts run."""
     hashes = " ".join(
-        f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'" for script in scripts
+        f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"
+        for script in scripts
     )
     return (
         f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; img-src data: blob:; "

@@ -22,7 +22,7 @@ from pipeline.run.costs import Cost
 from pipeline.run.estimate import available_memory_mb, machine_pace, price
 from pipeline.run.plan import Step, make_plan
 from pipeline.run.snakefiles import read_chain, snakefile, snakemake_config
-from pipeline.run.snakemake_process import PROGRESS, run_snakemake, warm
+from pipeline.run.snakemake_process import PROGRESS, run_snakemake, runs_here, warm
 
 PROFILES = Path(__file__).parents[1] / "profiles"
 RESULTS = ("asset.glb", "report.html")
@@ -72,7 +72,11 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
             reason.unlink()
         stale = [step.stage for step in steps if step.verdict != "unchanged"]
         config = [f"{name}={value}" for name, value in snakemake_config(job, run, threads).items()]
-        arguments = ["--forcerun", *stale, "--config", *config]
+        # On a cluster a run is one job: its stages are short, and follow one another.
+        groups = (
+            [] if runs_here(settings) else ["--groups", *(f"{stage.name}=run" for stage in stages_of(job))]
+        )
+        arguments = ["--forcerun", *stale, *groups, "--config", *config]
         told = [run / PROGRESS]
         if run_snakemake(snakefile(job), run, arguments, threads, settings, variables, told):
             raise failure(run)

@@ -5,6 +5,7 @@ Where stages run elsewhere (a cluster), their lines come through files that this
 
 import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -74,7 +75,9 @@ def run_snakemake(
     here = runs_here(profile)
     common = [
         *("--snakefile", str(snakefile), "--directory", str(folder), "--profile", str(profile)),
-        *("--quiet", "all", "--rerun-triggers", "mtime", "--rerun-incomplete", "--keep-incomplete", "--nolock"),
+        # What a stage here has to say, it says itself; of a job elsewhere the log is all there is.
+        *("--quiet", "all" if here else "rules"),
+        *("--rerun-triggers", "mtime", "--rerun-incomplete", "--keep-incomplete", "--nolock"),
         *(["--cores", str(threads)] if here else []),
     ]
     logs = logs or folder / "logs"
@@ -94,23 +97,26 @@ def run_snakemake(
         finally:
             if not ended:
                 if not here:
-                    _cancelled(process)
+                    _cancelled(process, logs / "snakemake.log")
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(process, signal.SIGKILL)
                 with contextlib.suppress(ChildProcessError):
                     os.waitpid(process, 0)
 
 
-def _cancelled(process: int) -> None:
-    """Ask Snakemake to cancel the jobs that it has on a cluster, as Ctrl-C does, and wait for that."""
+def _cancelled(process: int, log: Path) -> None:
+    """Have Snakemake cancel the jobs that it has on a cluster, as Ctrl-C does, and wait for that."""
     say("cancelling the jobs on the cluster ...")
     with contextlib.suppress(ProcessLookupError, ChildProcessError, KeyboardInterrupt):
         os.kill(process, signal.SIGINT)
         deadline = time.monotonic() + CANCEL
-        while time.monotonic() < deadline:
-            if os.waitpid(process, os.WNOHANG)[0]:
-                return
+        while time.monotonic() < deadline and not os.waitpid(process, os.WNOHANG)[0]:
             time.sleep(0.1)
+    # The executor forgets its jobs while it asks for their state, and an interrupt that comes then cancels
+    # none.
+    with contextlib.suppress(OSError, subprocess.TimeoutExpired):
+        if jobs := re.findall(r"SLURM jobid (\d+)", log.read_text(encoding="utf-8", errors="replace")):
+            subprocess.run(["scancel", "--quiet", *jobs], timeout=CANCEL, check=False, capture_output=True)
 
 
 @contextlib.contextmanager
@@ -145,9 +151,7 @@ def _following(files: Sequence[Path]) -> Iterator[None]:
         look()
 
 
-def _become_snakemake(
-    arguments: list[str], log: Path, variables: Mapping[str, str], here: bool
-) -> NoReturn:
+def _become_snakemake(arguments: list[str], log: Path, variables: Mapping[str, str], here: bool) -> NoReturn:
     """Be Snakemake, in the fork. The lock of the run stays held as long as it lives."""
     status = 1
     try:

@@ -64,7 +64,8 @@ def run_sweep(wanted: Sequence[Job], out: Path, folder: Path, threads: int, prof
     with contextlib.ExitStack() as stack:
         for run in runs.values():
             stack.enter_context(engine.locked(run))
-        rules, stale = _rules(runs, out)
+        here = runs_here(settings)
+        rules, stale = _rules(runs, out, here)
         if not rules:
             say(f"nothing to do: every file of {len(runs)} runs is as it was made")
         else:
@@ -77,14 +78,14 @@ def run_sweep(wanted: Sequence[Job], out: Path, folder: Path, threads: int, prof
             write_text(folder / "sweep.json", json.dumps(rules, indent=1) + "\n")
             stages = dict.fromkeys(stage for run in stale.values() for stage in run if STAGES[stage].warm)
             variables = stack.enter_context(warm(list(stages), folder, settings, threads))
-            if runs_here(settings):
+            if here:
                 variables = _from_runs(variables, folder, out)
             place = folder.relative_to(out) / "sweep.json"
             arguments = ["--keep-going", "--forceall", "--config", f"sweep={place}", f"threads={threads}"]
             told = [runs[job] / PROGRESS for job in stale]
             logs = folder / "logs"
             if run_snakemake(SNAKEFILE, out, arguments, threads, settings, variables, told, logs):
-                stale = _rules(runs, out)[1]
+                stale = _rules(runs, out, here)[1]
             else:
                 stale = {}
     outcomes = [Outcome(job, run, _reason(run, folder) if job in stale else "") for job, run in runs.items()]
@@ -107,14 +108,18 @@ def _allow_files(count: int) -> None:
     if needed > soft:
         if hard != resource.RLIM_INFINITY and needed > hard:
             raise InputError(
-                f"a sweep of {count} runs holds as many files open, this system allows {hard}: raise ulimit -n, "
-                "or make several sweeps of it"
+                f"a sweep of {count} runs holds as many files open, this system allows {hard}: "
+                "raise ulimit -n, or make several sweeps of it"
             )
         resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
 
 
-def _rules(runs: dict[Job, Path], out: Path) -> tuple[list[dict[str, Any]], dict[Job, list[str]]]:
-    """Return the rules of all stages that have to run, and the names of these stages by job."""
+def _rules(runs: dict[Job, Path], out: Path, here: bool) -> tuple[list[dict[str, Any]], dict[Job, list[str]]]:
+    """Return the rules of all stages that have to run, and the names of these stages by job.
+
+    `here`: on this machine. On a cluster all stages of a run are one job: they are short, and follow one
+        another.
+    """
     chains: dict[str, list[Link]] = {}
     first: dict[str, tuple[Path, str]] = {}
     rules, stale = [], dict[Job, list[str]]()
@@ -146,6 +151,7 @@ def _rules(runs: dict[Job, Path], out: Path) -> tuple[list[dict[str, Any]], dict
                     "module": module if STAGES[link.stage].warm else f"pipeline.stages.{link.stage}",
                     "inputs": [*own, *after],
                     "outputs": [f"{run.name}/{path}" for path in _made(link)],
+                    "group": "" if here else run.name,
                     "entry": f"{run.name}/stages/{link.stage}.json",
                     "arguments": [
                         *("--job", "job.yaml"),
@@ -162,7 +168,8 @@ def _made(link: Link) -> list[str]:
 
 
 def _signature(job: Job, link: Link, maker: dict[str, str], signatures: dict[str, str]) -> str:
-    """Return what two stages have in common whose outputs will be the same: options, and where inputs come from."""
+    """Return what two stages have in common whose outputs will be the same: options, and where inputs are
+    from."""
     inputs = {name: signatures[maker[path]] if path in maker else path for name, path in link.inputs.items()}
     text = json.dumps([link.stage, stage_options(job, link.stage), inputs], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()

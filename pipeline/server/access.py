@@ -1,8 +1,8 @@
 """Who may ask: this machine's own pages, and elsewhere whoever has the token.
 
-A page of another site can make a visitor's browser send requests here, and can have its own name point to this
-machine. So the name in Host must be one of this machine's, what changes anything must come from a page of this
-server, and a token is asked for where others can reach it.
+A page of another site can make a visitor's browser send requests here, and can have its own name point to
+this machine. So the name in Host must be one of this machine's, what changes anything must come from a page
+of this server, and a token is asked for where others can reach it.
 """
 
 import hmac
@@ -26,8 +26,9 @@ HEADERS = {
     "cache-control": "no-cache",
 }
 POLICY = (
-    "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self' blob: "
-    "data:; frame-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'self'"
+    "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self' "
+    "blob: data:; frame-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'; "
+    "frame-ancestors 'self'"
 )
 """Of pages that do not bring one of their own."""
 
@@ -65,7 +66,10 @@ class Access:
             return _refuse(421, f"this server answers to {', '.join(sorted(LOCAL))}, not to {host[:80]!r}")
         site = headers.get("sec-fetch-site", "none")
         origin = headers.get("origin")
-        foreign = (origin is not None and urlsplit(origin).netloc != host) or site in ("cross-site", "same-site")
+        foreign = (origin is not None and urlsplit(origin).netloc != host) or site in (
+            "cross-site",
+            "same-site",
+        )
         opened = method == "GET" and headers.get("sec-fetch-mode") == "navigate"
         if foreign and not opened:
             return _refuse(403, "a page of another site may not ask this server")
@@ -79,7 +83,9 @@ class Access:
         bearer = headers.get("authorization", "").removeprefix("Bearer ")
         if _same(bearer, self.token) or _same(_cookie(headers.get("cookie", "")), self.token):
             return None
-        return _refuse(401, "open the address that the server printed, with its token, or send it as a bearer")
+        return _refuse(
+            401, "open the address that the server printed, with its token, or send it as a bearer"
+        )
 
 
 def opened_at_root(scope: Scope) -> bool:
@@ -105,5 +111,3 @@ def _cookie(text: str) -> str:
 
 def _refuse(status: int, reason: str) -> Response:
     return JSONResponse({"error": reason}, status)
-
-

@@ -34,7 +34,8 @@ TEXTS = ("PROMPT", "NEGATIVE", "QUALITY", "SEED", "MODEL", "SIGMA_S", "PARAM")
 """What a request may say, in small letters, as make's variables have it. None of them is a path."""
 FILES = {
     ".glb": "model/gltf-binary", ".gltf": "model/gltf+json", ".obj": "text/plain", ".mtl": "text/plain",
-    ".ply": "application/octet-stream", ".stl": "model/stl", ".usdz": "model/vnd.usdz+zip", ".3mf": "model/3mf",
+    ".ply": "application/octet-stream", ".stl": "model/stl", ".usdz": "model/vnd.usdz+zip",
+    ".3mf": "model/3mf",
     ".fbx": "application/octet-stream", ".png": "image/png", ".mp4": "video/mp4", ".html": "text/html",
     ".json": "application/json", ".yaml": "text/plain", ".zip": "application/zip",
 }  # fmt: skip
@@ -77,7 +78,12 @@ def make_app(queue: Queue, token: str = "") -> ASGIApp:
             with contextlib.suppress(asyncio.CancelledError):
                 await worker
 
-    handlers = {InputError: _input_error, HTTPException: _http_error, OSError: _os_error, ClientDisconnect: _gone}
+    handlers = {
+        InputError: _input_error,
+        HTTPException: _http_error,
+        OSError: _os_error,
+        ClientDisconnect: _gone,
+    }
     return Access(Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers), token)  # type: ignore[arg-type]
 
 
@@ -94,7 +100,9 @@ class _Api:
         name = request.path_params["name"]
         made = {"three.js": three_js, "viewer.js": viewer_js}
         if name in made:
-            return Response(made[name](), media_type="text/javascript", headers={"cache-control": "max-age=3600"})
+            return Response(
+                made[name](), media_type="text/javascript", headers={"cache-control": "max-age=3600"}
+            )
         kinds = {"app.js": "text/javascript", "app.css": "text/css"}
         if name not in kinds:
             _missing()
@@ -195,14 +203,22 @@ class _Api:
         pictures = sorted(folder.glob(f"checkpoints/*/{PREVIEW}"), key=lambda path: path.stat().st_mtime)
         if not pictures:
             _missing()
-        return Response(pictures[-1].read_bytes(), media_type="image/png", headers={"cache-control": "no-store"})
+        return Response(
+            pictures[-1].read_bytes(), media_type="image/png", headers={"cache-control": "no-store"}
+        )
 
     async def file(self, request: Request) -> Response:
         """Give a file that lies in a run's folder itself."""
         folder, file = self._folder(request.path_params["name"]), request.path_params["file"]
         path = folder / file
         kind = FILES.get(path.suffix.lower())
-        if kind is None or file.startswith(".") or Path(file).name != file or path.is_symlink() or not path.is_file():
+        if (
+            kind is None
+            or file.startswith(".")
+            or Path(file).name != file
+            or path.is_symlink()
+            or not path.is_file()
+        ):
             _missing()
         headers = {"content-security-policy": REPORT_POLICY} if path.suffix == ".html" else {}
         answer = FileResponse(path, media_type=kind, headers=headers)
@@ -245,9 +261,18 @@ class _Api:
             stamps = [path.stat().st_mtime_ns for path in folder.glob(f"checkpoints/*/{PREVIEW}")]
             told["picture"] = f"/runs/{asked.name}/growing.png?{max(stamps)}" if stamps else None
         if asked.state == "done":
-            made = sorted(path.name for path in folder.glob("*") if path.suffix.lower() in FILES and path.is_file())
+            made = sorted(
+                path.name for path in folder.glob("*") if path.suffix.lower() in FILES and path.is_file()
+            )
             first = [name for name in made if name.startswith("asset.")]
-            others = ("albedo.png", "preview.png", "turntable.mp4", "report.html", "job.yaml", "manifest.json")
+            others = (
+                "albedo.png",
+                "preview.png",
+                "turntable.mp4",
+                "report.html",
+                "job.yaml",
+                "manifest.json",
+            )
             told["files"] = [
                 {"name": name, "bytes": (folder / name).stat().st_size}
                 for name in [*first, *(name for name in others if name in made)]
@@ -290,7 +315,9 @@ def _missing() -> NoReturn:
 async def _input_error(request: Request, error: Exception) -> Response:
     status = 413 if isinstance(error, uploads.TooLarge) else 400
     # What was not read of a request that is refused is not waited for.
-    return JSONResponse({"error": str(error)}, status, headers={"connection": "close"} if status == 413 else {})
+    return JSONResponse(
+        {"error": str(error)}, status, headers={"connection": "close"} if status == 413 else {}
+    )
 
 
 async def _http_error(request: Request, error: Exception) -> Response:

@@ -1,8 +1,9 @@
 """The queue of jobs: on disk before it is in memory, one run at a time, in the folders of the command line.
 
-A job is known by the name of its run's folder. What the server keeps of it is one JSON file and the job's YAML;
-what a run makes is where `make run` would have made it, under the same lock. A server that is killed takes the
-run with it, and the next one goes on where that was.
+A job is known by the name of its run's folder. What the server keeps of it is one JSON file and the job's
+       YAML;
+what a run makes is where `make run` would have made it, under the same lock. A server that is killed takes
+the run with it, and the next one goes on where that was.
 """
 
 import asyncio
@@ -15,7 +16,7 @@ import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from pipeline.diffusion.bundle import open_bundle
 from pipeline.errors import InputError
@@ -117,7 +118,9 @@ class Queue:
         return asked
 
     def stop(self, name: str) -> None:
-        """Take a job out of the queue, or end its run; what it has made stays, and `ask` goes on from there."""
+        """Take a job out of the queue, or end its run; what it has made stays, and `ask` goes on from
+        there.
+        """
         asked = self.asked[name]
         if asked.state == "queued":
             self._become(asked, "stopped")
@@ -134,9 +137,13 @@ class Queue:
         write_text(self.folder / f"{asked.name}.json", json.dumps(kept) + "\n")
 
     async def work(self) -> None:
-        """Run what is asked for, one after the other, for ever; cancelled, end the run and leave it queued."""
+        """Run what is asked for, one after the other, for ever; cancelled, end the run and leave it
+        queued.
+        """
         while True:
-            waiting = sorted((one for one in self.asked.values() if one.state == "queued"), key=lambda o: o.number)
+            waiting = sorted(
+                (one for one in self.asked.values() if one.state == "queued"), key=lambda o: o.number
+            )
             if not waiting:
                 self.more.clear()
                 await self.more.wait()

@@ -23,7 +23,8 @@ def serve(out: Path, host: str, port: int, threads: int, profile: str, say: Call
 
     Args:
         out: the folder of the runs.
-        host: an address or a name of this machine; anything but its own loopback has visitors asked for a token.
+        host: an address or a name of this machine; anything but its own loopback has visitors asked for a
+               token.
         port: 0: any that is free.
         threads: of a stage.
         profile: where stages run.
@@ -41,7 +42,9 @@ def serve(out: Path, host: str, port: int, threads: int, profile: str, say: Call
         os.pwrite(lock, f"{address} (process {os.getpid()})".encode(), 0)
         say(f"{address}{f'?token={token}' if token else ''}")
         if token:
-            say("others can reach this: give the address, with its token, to whom you trust; it is not encrypted")
+            say(
+                "others can reach this: give the address and token to whom you trust; it is not encrypted"
+            )
         say("Ctrl-C ends it; what was asked for goes on with the next start")
         app = make_app(Queue(out, threads, profile, machine_pace()), token)
         config = uvicorn.Config(
@@ -83,8 +86,8 @@ def _listening(host: str, port: int) -> Iterator[socket.socket]:
             made.bind(place)
         except OSError as error:
             raise InputError(
-                f"HOST={host} PORT={port} cannot be listened on ({error.strerror}): choose another PORT, or 0 for "
-                "any that is free"
+                f"HOST={host} PORT={port} cannot be listened on ({error.strerror}): "
+                "choose another PORT, or 0 for any that is free"
             ) from None
         yield made
 
@@ -101,7 +104,7 @@ def _alone(out: Path) -> Iterator[int]:
         except BlockingIOError:
             holder = os.read(lock, 200).decode(errors="replace").strip()
             raise InputError(
-                f"{out} is served already, at {holder or 'another address'}: use that, or say OUT=another folder"
+                f"{out} is served already, at {holder or 'another address'}: use it, or say OUT=another"
             ) from None
         yield lock
     finally:

@@ -15,7 +15,9 @@ def read(folder: Path, text: str, name: str = "sweep.yaml") -> Sweep:
 
 
 def test_lists_are_multiplied_the_first_slowest(tmp_path: Path) -> None:
-    text = "prompt: [a mug, a duck]\nquality: draft\nseed: [0, 1]\nclean: {faces: [500, 1000], smoothing: 3}\n"
+    text = (
+        "prompt: [a mug, a duck]\nquality: draft\nseed: [0, 1]\nclean: {faces: [500, 1000], smoothing: 3}\n"
+    )
     sweep = read(tmp_path, text)
     found = [(job.prompt, job.seed, job.clean.faces) for job in sweep.jobs]
     assert found == [(p, s, f) for p in ("a mug", "a duck") for s in (0, 1) for f in (500, 1000)]
@@ -45,12 +47,15 @@ def test_a_text_file_has_a_prompt_a_line(tmp_path: Path) -> None:
         ("prompt: a\ncolour: [red]\n", "unknown key 'colour'"),
         ("prompt: a\nclean: [{faces: 500}]\n", "lists"),
         ("seed: [1, 2]\n", "prompt is empty"),
-        ("prompt: a\nseed: [" + ", ".join(map(str, range(30_000))) + "]\n", "30000 jobs, expected at most 20000"),
+        (
+            "prompt: a\nseed: [" + ", ".join(map(str, range(30_000))) + "]\n",
+            "30000 jobs, expected at most 20000",
+        ),
         ("- a\n- b\n", "expected a mapping"),
     ],
 )
 def test_mistakes_are_named_with_the_file(tmp_path: Path, text: str, words: str) -> None:
-    with pytest.raises(InputError, match="sweep.yaml") as error:
+    with pytest.raises(InputError, match=r"sweep\.yaml") as error:
         read(tmp_path, text)
     assert words in str(error.value)
     assert "\n" not in str(error.value)

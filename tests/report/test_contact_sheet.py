@@ -27,14 +27,19 @@ def write_run(out: Path, name: str, colour: tuple[int, int, int]) -> Path:
 
 def test_every_picture_is_in_its_place() -> None:
     pictures = [Image.new("RGB", (8, 8), colour) for colour in ("red", "green", "blue")]
-    page = sheet([*pictures, None] * 3, [f"seed {n} and a caption that is much too long for its place" for n in range(12)])
+    page = sheet(
+        [*pictures, None] * 3,
+        [f"seed {n} and a caption that is much too long for its place" for n in range(12)],
+    )
     assert page.size == (8 * (TILE + GAP) + GAP, 2 * (TILE + TEXT + GAP) + GAP)
     middle = [page.getpixel((GAP + n * (TILE + GAP) + TILE // 2, GAP + 20)) for n in range(4)]
     assert middle == [(255, 0, 0), (0, 128, 0), (0, 0, 255), (255, 255, 255)]
 
 
 def test_an_overview_shows_what_was_made_and_says_what_was_not(tmp_path: Path) -> None:
-    red, blue = (write_run(tmp_path, name, colour) for name, colour in (("red", (255, 0, 0)), ("blue", (0, 0, 255))))
+    red, blue = (
+        write_run(tmp_path, name, colour) for name, colour in (("red", (255, 0, 0)), ("blue", (0, 0, 255)))
+    )
     rows = [
         (red, {"prompt": "=red()", "clean.faces": 55}, ""),
         (blue, {"prompt": "blue", "clean.faces": 66}, "a stage failed, twice"),

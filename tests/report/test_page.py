@@ -102,7 +102,9 @@ def test_figures_are_there() -> None:
 def luminance(colour: str) -> float:
     """Return the relative luminance of #rrggbb or #rgb, as WCAG 2 defines it."""
     digits = colour.lstrip("#")
-    parts = [int(d * 2 if len(digits) == 3 else digits[2 * i : 2 * i + 2], 16) for i, d in enumerate(digits[:3])]
+    parts = [
+        int(d * 2 if len(digits) == 3 else digits[2 * i : 2 * i + 2], 16) for i, d in enumerate(digits[:3])
+    ]
     linear = [v / 255 / 12.92 if v <= 10 else ((v / 255 + 0.055) / 1.055) ** 2.4 for v in parts]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.files import file_sha256
-from pipeline.run import engine, snakemake_process
+from pipeline.run import snakemake_process
 from tests.fake_project import RUN_STAGES, STEPS, Project, kill_group
 
 FAKES = RUN_STAGES[:-1]

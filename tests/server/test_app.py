@@ -65,8 +65,8 @@ def test_an_asset_is_asked_for_watched_and_downloaded(server: Server, out: Path,
     assert [run["name"] for run in server.ask("GET", "/api/jobs").json["runs"]] == [name]
     result = subprocess.run(
         [sys.executable, "-c", START, "run", f"JOB={out / name / 'job.yaml'}", f"OUT={out}", "THREADS=1"],
-        cwd=ROOT, env={**clean_environment(), "LATENT_NERF_MODELS": str(models)}, capture_output=True, text=True,
-        check=False,
+        cwd=ROOT, env={**clean_environment(), "LATENT_NERF_MODELS": str(models)},
+        capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert "nothing to do" in result.stderr
 
@@ -158,7 +158,14 @@ def test_every_answer_says_what_it_may_do(server: Server) -> None:
 
 
 def test_uploads_are_kept_by_their_content_alone(server: Server, out: Path) -> None:
-    names = ["fish.obj", "../../../etc/cron.d/x.OBJ", "C:\\x\\a b.obj", "%00.obj", "🪑.obj", "a" * 5000 + ".obj"]
+    names = [
+        "fish.obj",
+        "../../../etc/cron.d/x.OBJ",
+        "C:\\x\\a b.obj",
+        "%00.obj",
+        "🪑.obj",
+        "a" * 5000 + ".obj",
+    ]
     for name in names:
         answer = server.ask("POST", f"/api/uploads?name={quote(name)}", TRIANGLE, **BINARY)
         assert (answer.status, answer.json["kind"]) == (201, "mesh"), name
@@ -200,7 +207,12 @@ def test_uploads_that_are_too_large_leave_nothing(server: Server, out: Path) -> 
 
 
 def test_connections_that_end_early_harm_nothing(server: Server, out: Path) -> None:
-    for said in (b"", b"GET", b"\x16\x03\x01\x00\xff", b"POST /api/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\ncontent-length: 50\r\n\r\n{"):
+    for said in (
+        b"",
+        b"GET",
+        b"\x16\x03\x01\x00\xff",
+        b"POST /api/jobs HTTP/1.1\r\nHost: 127.0.0.1\r\ncontent-length: 50\r\n\r\n{",
+    ):
         with socket.create_connection((server.place.hostname, server.place.port)) as line:
             line.sendall(said)
     head = b"POST /api/uploads?name=x.obj HTTP/1.1\r\nHost: 127.0.0.1\r\ncontent-length: 500\r\n"
@@ -216,7 +228,9 @@ def test_connections_that_end_early_harm_nothing(server: Server, out: Path) -> N
 
 def test_twenty_at_once_are_all_there_once(server: Server) -> None:
     with ThreadPoolExecutor(20) as pool:
-        answers = list(pool.map(lambda seed: server.ask("POST", "/api/jobs", asked(seed=seed % 10)), range(20)))
+        answers = list(
+            pool.map(lambda seed: server.ask("POST", "/api/jobs", asked(seed=seed % 10)), range(20))
+        )
     assert [answer.status for answer in answers] == [201] * 20
     names = {answer.json["name"] for answer in answers}
     assert len(names) == 10
@@ -288,7 +302,9 @@ def test_a_killed_server_loses_nothing(tmp_path: Path) -> None:
         states = {job["name"]: job["state"] for job in server.ask("GET", "/api/jobs").json["jobs"]}
         assert set(states) == {first, second}
         assert server.wait(first, "done", "failed")["state"] == "done"
-        resumed = json.loads((out / first / "stages" / "train_nerf.json").read_text())["metrics"]["resumed_at"]
+        resumed = json.loads((out / first / "stages" / "train_nerf.json").read_text())["metrics"][
+            "resumed_at"
+        ]
         assert resumed > 0
         # Told to end, it ends the run first, which keeps its last step.
         deadline = time.monotonic() + 120

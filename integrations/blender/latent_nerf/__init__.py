@@ -1,6 +1,7 @@
 """Latent-NeRF for Blender: a panel that asks, watches, and puts the asset into the scene.
 
-The work is done by the program latent-nerf in a process of its own; Blender stays free meanwhile. See README.md
+The work is done by the program latent-nerf in a process of its own; Blender stays free meanwhile. See
+       README.md
 beside this folder.
 """
 
@@ -100,7 +101,11 @@ def export_selection(context: bpy.types.Context, folder: Path) -> Path:
             for one in chosen:
                 one.select_set(True)
         # The same mesh is the same job: the comments of the file, its name among them, are left out.
-        lines = [line for line in written.read_text(encoding="utf-8").splitlines() if line[:2] in ("v ", "vt", "f ")]
+        lines = [
+            line
+            for line in written.read_text(encoding="utf-8").splitlines()
+            if line[:2] in ("v ", "vt", "f ")
+        ]
     text = "\n".join(lines) + "\n"
     target = folder / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.obj"
     target.write_text(text, encoding="utf-8")
@@ -159,7 +164,12 @@ class Make(bpy.types.Operator):
         """Start it."""
         asked, chosen = context.scene.latent_nerf, preferences(context)
         runs = Path(bpy.path.abspath(chosen.runs)).expanduser()
-        variables = {"PROMPT": asked.prompt, "QUALITY": asked.quality, "SEED": str(asked.seed), "OUT": str(runs)}
+        variables = {
+            "PROMPT": asked.prompt,
+            "QUALITY": asked.quality,
+            "SEED": str(asked.seed),
+            "OUT": str(runs),
+        }
         try:
             command = program_command(bpy.path.abspath(chosen.program) if chosen.program else "")
             runs.mkdir(parents=True, exist_ok=True)

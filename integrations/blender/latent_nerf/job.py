@@ -51,7 +51,9 @@ class Job:
             folder: where it works.
         """
         # Blender's own Python must not reach the program's.
-        clean = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "BLENDER"))}
+        clean = {
+            name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "BLENDER"))
+        }
         self.process = subprocess.Popen(
             [*command, "run", *(f"{name}={value}" for name, value in variables.items())],
             cwd=folder,
@@ -65,7 +67,7 @@ class Job:
             start_new_session=os.name == "posix",
         )
         self.folder = folder
-        self.lines: "queue.SimpleQueue[str]" = queue.SimpleQueue()
+        self.lines: queue.SimpleQueue[str] = queue.SimpleQueue()
         self.printed: list[str] = []
         self.message = "starting"
         """What it does, for a person."""
@@ -81,7 +83,7 @@ class Job:
             thread.start()
 
     @staticmethod
-    def _read(stream, put) -> None:  # noqa: ANN001
+    def _read(stream, put) -> None:
         for line in stream:
             put(line.strip())
 
@@ -96,7 +98,9 @@ class Job:
             self._last = line or self._last
             if match := _COUNT.match(line):
                 self.share = int(match[2]) / max(int(match[3]), 1)
-                self.message = f"{match[1]}: {match[2]} of {match[3]} {match[4]}" + (f", {match[5]}" if match[5] else "")
+                self.message = f"{match[1]}: {match[2]} of {match[3]} {match[4]}" + (
+                    f", {match[5]}" if match[5] else ""
+                )
             elif match := _BEGUN.match(line):
                 self.share, self.message = 0.0, match[1]
         return ended
