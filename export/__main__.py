@@ -15,7 +15,7 @@ from types import FrameType
 
 from pipeline.errors import InputError
 from pipeline.files import refusal
-from pipeline.options.job import MODELS
+from pipeline.options.job import new_models
 
 CHOICES = {
     "STORAGE": ("fp32", "fp16"),
@@ -25,8 +25,9 @@ CHOICES = {
 }
 
 
-def main(environment: Mapping[str, str], models: Path = MODELS) -> int:
-    """Export what the environment names and return the exit status."""
+def main(environment: Mapping[str, str], models: Path | None = None) -> int:
+    """Export what the environment names into `models` (none: where new models go); return the exit status."""
+    models = models or new_models()
     # Before diffusers is imported: nothing may be fetched.
     os.environ["HF_HUB_OFFLINE"] = "1"
     signal.signal(signal.SIGTERM, _stop)

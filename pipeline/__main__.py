@@ -1,21 +1,24 @@
-"""The front door behind make: ``python -m pipeline run | plan | verify | options``.
+"""The front door: behind make (``python -m pipeline verb``) and of the console script (``latent-nerf verb``).
 
-Takes everything from the environment (PROMPT, NEGATIVE, TOKEN, MODEL, SEED, QUALITY, SKETCH, SIGMA_S, REFINE,
-MESH, PARAM, START, STRENGTH, PROVIDER, JOB, OUT, THREADS, PROFILE, RUN), so that no shell ever reads what a
-user wrote. Exit status: 0, 2 for what the user can mend, 1 for a fault of the program.
+Make passes everything in the environment (PROMPT, SEED and the others of help.txt), so that no shell ever
+reads what a user wrote; the console script takes the same as options. Exit status: 0, 2 for what the user can
+mend, 1 for a fault of the program.
 """
 
-import argparse
+import importlib.util
 import os
+import subprocess
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NoReturn
 
+from pipeline.cli.arguments import make_parser, parse, variables_of_make
 from pipeline.errors import InputError, one_line
-from pipeline.files import refusal
+from pipeline.files import refusal, write_text
 from pipeline.options import job as jobs
 from pipeline.options.hand_over import resolve_all
-from pipeline.options.schema import describe
+from pipeline.options.schema import describe, short
 from pipeline.progress import duration
 from pipeline.run import engine
 from pipeline.run.costs import Cost
@@ -27,14 +30,14 @@ from pipeline.run.verify import verify
 
 
 def main(arguments: list[str], environment: Mapping[str, str]) -> int:
-    """Carry out one command and return the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m pipeline", description=__doc__)
-    parser.add_argument("command", choices=["run", "plan", "verify", "options"])
-    command = parser.parse_args(arguments).command
+    """Carry out one command, with make's variables from the environment, and return the exit status."""
     try:
-        commands = {"run": _run, "plan": _plan, "verify": _verify, "options": _options}
+        verb, given = parse(arguments)
+        if not verb:
+            make_parser().print_help()
+            return 0
         with cache_folder():
-            status = commands[command](environment)
+            status = COMMANDS[verb]({**variables_of_make(verb, environment), **given})
         sys.stdout.flush()
         return status
     except InputError as error:
@@ -113,8 +116,102 @@ def _verify(environment: Mapping[str, str]) -> int:
 
 
 def _options(environment: Mapping[str, str]) -> int:
-    print(describe(jobs.Job))
+    job = jobs.resolve({"PROMPT": "a red armchair", "MODEL": environment.get("MODEL", "")})
+    print(describe(jobs.Job, job))
     return 0
+
+
+def _models(environment: Mapping[str, str]) -> int:
+    from pipeline.cli.models import list_models
+
+    faults = list_models(environment.get("VERIFY", "0") not in ("", "0"), print)
+    if faults:
+        raise InputError("; ".join(faults))
+    return 0
+
+
+def _doctor(environment: Mapping[str, str]) -> int:
+    from pipeline.cli import doctor
+
+    threads = _threads(environment)
+    wrong = doctor.report(doctor.checks(check_out(environment.get("OUT") or "runs"), threads), print)
+    wrong += doctor.report(doctor.model_findings(), print)
+    wrong += doctor.report(iter([doctor.self_test(threads)]), print)
+    print("nothing is wrong" if not wrong else f"{wrong} wrong, with what to do after the arrows")
+    return 2 if wrong else 0
+
+
+def _serve(environment: Mapping[str, str]) -> int:
+    if importlib.util.find_spec("starlette") is None or importlib.util.find_spec("uvicorn") is None:
+        raise InputError(
+            'this needs the extra serve, which is not installed: pip install "latent-nerf-onnx[serve]"'
+        )
+    from pipeline.server.serve import serve
+
+    port = environment.get("PORT") or "8008"
+    if not port.isdecimal() or int(port) > 65_535:
+        raise InputError(f"PORT is {short(port)}, expected a whole number from 0 to 65535")
+    out, threads = check_out(environment.get("OUT") or "runs"), _threads(environment)
+    host, profile = environment.get("HOST") or "127.0.0.1", environment.get("PROFILE") or "local"
+    serve(out, host, int(port), threads, profile, lambda line: print(line, flush=True))
+    return 0
+
+
+def _sweep(environment: Mapping[str, str]) -> int:
+    from pipeline.options.sweep import read_sweep
+    from pipeline.report.contact_sheet import write_overview
+    from pipeline.run.sweep import run_sweep, sweep_folder
+
+    if not environment.get("JOBS"):
+        raise InputError("JOBS is empty: name a file with prompts, for example make sweep JOBS=sweep.yaml")
+    path, out = Path(environment["JOBS"]), check_out(environment.get("OUT") or "runs")
+    threads, profile = _threads(environment), environment.get("PROFILE") or "local"
+    sweep = read_sweep(path)
+    folder = sweep_folder(out, sweep.jobs, path.stem)
+    outcomes = run_sweep(sweep.jobs, out, folder, threads, profile)
+    rows = [(one.run, sweep.values(one.job), one.reason) for one in outcomes]
+    for file in write_overview(folder, path.stem, rows):
+        print(file)
+    failed = [one for one in outcomes if one.reason]
+    if failed:
+        raise InputError(f"{len(failed)} of {len(outcomes)} were not made; the first: {failed[0].reason}")
+    return 0
+
+
+def _gallery(environment: Mapping[str, str]) -> int:
+    from pipeline.report import gallery
+
+    out = check_out(environment.get("OUT") or "runs")
+    runs = gallery.find_runs(out)
+    if not runs:
+        raise InputError(f"{out} holds no finished run: make one first, or say OUT=folder")
+    write_text(out / gallery.NAME, gallery.render(runs))
+    print(out / gallery.NAME)
+    return 0
+
+
+def _completion(environment: Mapping[str, str]) -> int:
+    from pipeline.cli.completion import script
+
+    print(script(make_parser(), environment["SHELL"]))
+    return 0
+
+
+def _export(environment: Mapping[str, str]) -> int:
+    return _with_extra("export", "diffusers", environment)
+
+
+def _learn_token(environment: Mapping[str, str]) -> int:
+    return _with_extra("export.everyday_objects.train.learn_token", "diffusers", environment)
+
+
+def _with_extra(module: str, needed: str, environment: Mapping[str, str]) -> int:
+    """Run a module that lies beside this package and needs an extra, in a process of its own."""
+    if importlib.util.find_spec(needed) is None:
+        raise InputError(
+            'this needs the extra export, which is not installed: pip install "latent-nerf-onnx[export]"'
+        )
+    return subprocess.call([sys.executable, "-m", module], env={**os.environ, **environment})
 
 
 def _threads(environment: Mapping[str, str]) -> int:
@@ -127,8 +224,32 @@ def _threads(environment: Mapping[str, str]) -> int:
     return int(text)
 
 
-if __name__ == "__main__":
+COMMANDS = {
+    "run": _run,
+    "plan": _plan,
+    "verify": _verify,
+    "options": _options,
+    "models": _models,
+    "doctor": _doctor,
+    "serve": _serve,
+    "sweep": _sweep,
+    "gallery": _gallery,
+    "export": _export,
+    "learn-token": _learn_token,
+    "completion": _completion,
+}
+
+
+def console() -> NoReturn:
+    """Be the program `latent-nerf`: what it is told, it is told on its command line alone."""
+    _end(main(sys.argv[1:], {}))
+
+
+def _end(status: int) -> NoReturn:
     sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # a terminal of LANG=C
-    status = main(sys.argv[1:], os.environ)
     sys.stderr.flush()
     os._exit(status)  # the modules of Snakemake take a third of a second to be taken down
+
+
+if __name__ == "__main__":
+    _end(main(sys.argv[1:], os.environ))

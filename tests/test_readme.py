@@ -19,6 +19,9 @@ TESTED = {
     "make learn-token": "tests/export/test_learn_token.py",
     "make help": "tests/test_front_door.py",
     "make test": "tests/conftest.py",
+    "make sweep": "tests/run/test_sweep.py",
+    "pip install": "tests/test_wheel.py",
+    "latent-nerf run": "tests/test_wheel.py",
     ".venv/bin/python -m": "tests/nerf/test_field.py",
     ".venv/bin/ruff check": "tests/test_imports.py",
 }

@@ -164,7 +164,7 @@ def test_ctrl_c_in_training_keeps_the_step_that_it_is_in(folder: Path) -> None:
 
 def test_a_wrong_number_of_threads_in_the_caller_changes_nothing(folder: Path) -> None:
     """Threads come from THREADS or the machine, never from the caller's environment."""
-    from pipeline.run.engine import environment
+    from pipeline.run.snakemake_process import environment
 
     made = environment(2, {**os.environ, "OMP_NUM_THREADS": "7", "PYTHONHASHSEED": "9"})
     assert (made["OMP_NUM_THREADS"], made["NUMBA_NUM_THREADS"], made["PYTHONHASHSEED"]) == ("2", "2", "0")

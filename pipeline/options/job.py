@@ -11,6 +11,7 @@ This module is imported before anything runs, so it imports nothing heavy.
 
 import hashlib
 import json
+import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -28,7 +29,9 @@ from pipeline.options.paint import BakePaint, Prepare, TrainPaint
 from pipeline.options.schema import build, check, check_text, option, plain, read_yaml, short
 from pipeline.options.start import StartFit, check_start, lasting
 
-MODELS = Path(__file__).resolve().parents[2] / "onnx_models"
+_CLONED, _INSTALLED = (Path(__file__).resolve().parents[level] / "onnx_models" for level in (2, 1))
+MODELS = _CLONED if (_CLONED.parent / "pyproject.toml").is_file() else _INSTALLED
+"""Of the clone; of an installed wheel, which carries the default model."""
 DEFAULT_MODEL = "everyday-objects"
 
 
@@ -125,14 +128,22 @@ PLAIN = ["PROMPT", "NEGATIVE", "TOKEN", "MODEL", "QUALITY", "SKETCH", "MESH", "P
 """Variables that are taken as they stand."""
 
 
-def resolve(environment: Mapping[str, str], models: Path = MODELS, coming: str = "") -> Job:
+def resolve(
+    environment: Mapping[str, str],
+    models: Path = MODELS,
+    coming: str = "",
+    options: Mapping[str, Any] | None = None,
+) -> Job:
     """Return the complete job that the environment asks for (an empty variable counts as not given).
     `coming` is a START that another model will have made before: it need not be there.
+
+    `options`: keys of a job file that win over the file, and the environment over them.
 
     Raises:
         InputError: an unknown key, a value of the wrong type or out of range, a model that does not exist.
     """
     given: dict[str, Any] = read_yaml(Path(environment["JOB"])) if environment.get("JOB") else {}
+    given |= options or {}
     written = given.get("quality")
     variables = _variables(environment)
     section = given.get("train_nerf") or {}
@@ -229,19 +240,43 @@ def token_files(given: str) -> list[Path]:
     return [Path(part.strip()) for part in given.split(",") if part.strip()]
 
 
+def new_models() -> Path:
+    """Return the folder that exported and downloaded models go to: of the clone, or of the user where the
+    program is installed (there it is nobody's to write to)."""
+    if given := os.environ.get("LATENT_NERF_MODELS"):
+        return Path(given).absolute()
+    if MODELS == _CLONED:
+        return MODELS
+    data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
+    return Path(data).absolute() / "latent-nerf" / "onnx_models"
+
+
+def known_models(models: Path = MODELS) -> dict[str, Path]:
+    """Return the folder of every model by name: those in `models`, then those of `new_models`."""
+    found: dict[str, Path] = {}
+    for place in dict.fromkeys([models, new_models()]):
+        entries = sorted(place.iterdir()) if place.is_dir() else []
+        # A hidden folder is an export that has not ended.
+        found |= {e.name: e for e in entries if e.is_dir() and e.name[0] != "." and e.name not in found}
+    return found
+
+
 def bundle_folder(model: str, models: Path = MODELS) -> Path:
-    """Return the absolute folder of a model: a name under `models`, or a path (anything with a separator).
+    """Return the absolute folder of a model: a name (see `known_models`), or a path (anything with a
+    separator).
 
     Raises:
-        InputError: there is no such folder; the text lists those there are.
+        InputError: there is no such folder; the text lists those there are, and says where more go.
     """
-    folder = (Path(model) if "/" in model else models / model).absolute()
+    known = known_models(models)
+    if "/" in model or os.sep in model:
+        folder = Path(model).absolute()
+    else:
+        folder = known.get(model, models / model).absolute()
     if model in ("", ".", "..") or not folder.is_dir():
-        entries = models.iterdir() if models.is_dir() else []
-        # A hidden folder is an export that has not ended.
-        known = sorted(entry.name for entry in entries if entry.is_dir() and entry.name[0] != ".")
         raise InputError(
-            f"MODEL {model!r} does not exist; there are: {', '.join(known) or 'none'} (in {models.name}/)"
+            f"MODEL {model!r} does not exist; there are: {', '.join(known) or 'none'}; "
+            f"a model's folder goes to {new_models()}, or is given as a path with a slash"
         )
     return folder
 

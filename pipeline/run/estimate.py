@@ -6,11 +6,12 @@ The constants are of one machine (see `costs`). Others: their pace tells.
 import contextlib
 import resource
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
 
+from pipeline.diffusion.bundle import OPTIONAL_GRAPHS, REQUIRED_GRAPHS, Bundle
 from pipeline.options.job import Job
 from pipeline.run import costs
 from pipeline.run.chain import STAGES
@@ -52,6 +53,15 @@ def estimate(name: str, job: Job, latent_size: int, weights: Mapping[str, float]
     held = max((weights.get(graph, 0.0) for graph in stage.networks), default=0.0)
     held += sum(weights.get(graph, 0.0) for graph in stage.together)
     return Cost((START + cost.seconds) / pace**0.5, BASE_MB + cost.memory_mb + 2 * held)
+
+
+def price(job: Job, bundle: Bundle, stages: Iterable[str], pace: float) -> dict[str, Cost]:
+    """Return what each of a job's stages costs with a model on this machine."""
+    graphs = [*REQUIRED_GRAPHS, *OPTIONAL_GRAPHS]
+    weights = {
+        name: sum(file.stat().st_size for file in (bundle.path / name).rglob("*")) / 2**20 for name in graphs
+    }
+    return {stage: estimate(stage, job, bundle.latent_size, weights, pace) for stage in stages}
 
 
 def available_memory_mb() -> float | None:

@@ -219,7 +219,9 @@ def _diverted_output(log: Path) -> Iterator[None]:
     sys.stdout.flush()
     sys.stderr.flush()
     saved = os.dup(1), os.dup(2)
-    with files.create(log) as stream, os.fdopen(os.dup(1), "w", encoding="utf-8") as channel:
+    told = os.environ.get(progress.TOLD)
+    heard = open(told, "a", encoding="utf-8") if told else os.fdopen(os.dup(1), "w", encoding="utf-8")  # noqa: SIM115
+    with files.create(log) as stream, heard as channel:
         os.dup2(stream.fileno(), 1)
         os.dup2(stream.fileno(), 2)
         progress.channel = channel

@@ -63,6 +63,7 @@ def main(context: Context) -> None:
         entries=entries,
         preview_png=preview.read_bytes(),
         turntable_mp4=turntable.read_bytes(),
+        asset_glb=inputs["glb"].read_bytes(),
         links=[
             (name, what, files[name].stat().st_size if name in files else None)
             for name, what in FILES.items()

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.files import file_sha256
-from pipeline.run import engine
+from pipeline.run import snakemake_process
 from tests.fake_project import RUN_STAGES, STEPS, Project, kill_group
 
 FAKES = RUN_STAGES[:-1]
@@ -181,7 +181,7 @@ def test_a_signal_that_the_caller_ignores_stays_ignored() -> None:
     """As under nohup."""
     former = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        with engine._termination_as_interrupt():
+        with snakemake_process._termination_as_interrupt():
             os.kill(os.getpid(), signal.SIGHUP)
             with pytest.raises(KeyboardInterrupt):
                 os.kill(os.getpid(), signal.SIGTERM)
@@ -205,7 +205,7 @@ def test_snakemake_may_call_off_its_jobs_before_it_ends(tmp_path: Path, obeys: b
             os._exit(0)
     while not ready.exists():
         time.sleep(0.01)
-    engine.end_snakemake(process, 30.0 if obeys else 0.2)
+    snakemake_process.end_snakemake(process, tmp_path / "no log", 30.0 if obeys else 0.2)
     assert (tmp_path / "called off").exists() == obeys
     with pytest.raises(ChildProcessError):
         os.waitpid(process, 0)
