@@ -97,9 +97,10 @@ def load_tokenizer(folder: Path) -> ClipTokenizer:
             fuse_unk=False,
         )
     except Exception as error:  # the package raises nothing more precise
+        said = " ".join(str(error).split())[:120]
+        blamed = folder / "merges.txt" if place.name == "vocab.json" else place
         raise InputError(
-            f"{place}: its merges do not belong to its vocabulary ({' '.join(str(error).split())[:120]}); "
-            "copy the bundle again"
+            f"{blamed}: its merges do not belong to the vocabulary ({said}); copy the bundle again"
         ) from None
     engine = Tokenizer(model)
     engine.normalizer, engine.pre_tokenizer = split_words()
