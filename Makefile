@@ -3,7 +3,7 @@
 # What a user writes is never executed: each variable below is taken as it stands (value), never expanded, and
 # reaches Python through the environment, so neither make nor the shell nor Snakemake reads it.
 USER_VARIABLES := PROMPT NEGATIVE MODEL SEED QUALITY JOB OUT THREADS PROFILE RUN SKETCH SIGMA_S MESH PARAM REFINE TOKEN ONLY PROVIDER \
-	IMAGES NAME CHECKPOINT STORAGE SHAPES GRADIENT PREDICTION
+	UNLIT PIVOT SIZE_M 	IMAGES NAME CHECKPOINT STORAGE SHAPES GRADIENT PREDICTION
 $(foreach name,$(USER_VARIABLES),$(eval override $(name) := $$(value $(name))))
 export $(USER_VARIABLES)
 UNKNOWN := $(filter-out $(USER_VARIABLES) PYTHON IN_VENV,$(foreach name,$(.VARIABLES),$(if $(findstring command line,$(origin $(name))),$(name))))

@@ -1,8 +1,8 @@
 """The front door behind make: ``python -m pipeline run | plan | verify | options``.
 
 Takes everything from the environment (PROMPT, NEGATIVE, TOKEN, MODEL, SEED, QUALITY, SKETCH, SIGMA_S, REFINE,
-MESH, PARAM, PROVIDER, JOB, OUT, THREADS, PROFILE, RUN), so that no shell ever reads what a user wrote. Exit
-status: 0, 2 for what the user can mend, 1 for a fault of the program.
+MESH, PARAM, PROVIDER, UNLIT, PIVOT, SIZE_M, JOB, OUT, THREADS, PROFILE, RUN), so that no shell ever reads
+what a user wrote. Exit status: 0, 2 for what the user can mend, 1 for a fault of the program.
 """
 
 import argparse

@@ -1,6 +1,7 @@
 """The options of the stages that turn a field into an asset: mesh, texture coordinates, texture, pictures."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 from pipeline.options.schema import check, check_power_of_two, option
 
@@ -67,6 +68,13 @@ class Bake:
 class Publish:
     """The asset and its pictures."""
 
+    unlit: bool = option(False, "show the texture as it is, without light, instead of a lit material")
+    pivot: Literal["base", "centre"] = option(
+        "base", "the asset's origin: the middle of its bottom, so that it stands on the floor, or its middle"
+    )
+    size_m: float = option(
+        0.0, "longest side of the asset [metres]; 0: as trained, 1.5 m from end to end or less", 0, 10_000
+    )
     preview_size: int = option(256, "side of a tile of preview.png [pixels]", 32, 2048)
     turntable_size: int = option(384, "side of the turntable [pixels]", 32, 2048)
     turntable_frames: int = option(72, "frames of one turn", 2, 1000)

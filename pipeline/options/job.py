@@ -3,8 +3,8 @@
 A job is resolved from, in rising order of precedence: the defaults below (the paper's values where it gives
 them), the quality table, the ``distillation`` section of the model's bundle.json, the YAML file named by
 JOB, and the environment variables PROMPT, NEGATIVE, TOKEN, MODEL, SEED, QUALITY, SKETCH, SIGMA_S,
-REFINE, MESH, PARAM, PROVIDER. The resolved job is complete: it is what a run's job.yaml holds, and its hash
-names the run's folder.
+REFINE, MESH, PARAM, PROVIDER, UNLIT, PIVOT, SIZE_M. The resolved job is complete: it is what a run's
+job.yaml holds, and its hash names the run's folder.
 
 This module is imported before anything runs, so it imports nothing heavy.
 """
@@ -121,9 +121,13 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
     if environment.get("REFINE"):
         given["refine"] = _parse_switch("REFINE", environment["REFINE"])
     if environment.get("SIGMA_S"):
-        section = given.get("train_nerf") or {}
-        if isinstance(section, dict):  # if not, `build` says so
-            given["train_nerf"] = {**section, "sigma_s": _parse_sigma(environment["SIGMA_S"])}
+        _put(given, "train_nerf", "sigma_s", _parse_number("SIGMA_S", environment["SIGMA_S"], "0.3"))
+    if environment.get("UNLIT"):
+        _put(given, "publish", "unlit", _parse_switch("UNLIT", environment["UNLIT"]))
+    if environment.get("PIVOT"):
+        _put(given, "publish", "pivot", environment["PIVOT"])
+    if environment.get("SIZE_M"):
+        _put(given, "publish", "size_m", _parse_number("SIZE_M", environment["SIZE_M"], "1.8"))
     # Everything the user can get wrong is named before the layers below it are merged in.
     asked = build(Job, given, environment.get("JOB") or "")
     if asked.sketch and asked.mesh:
@@ -146,6 +150,8 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
         raise InputError(f"MESH {short(asked.mesh)} does not exist or is no file: give the path of a mesh")
     if environment.get("PARAM") and not asked.mesh:
         raise InputError("PARAM is given without MESH: it chooses how a given mesh is painted")
+    if asked.mesh and (moved := [name for name in ("PIVOT", "SIZE_M") if environment.get(name)]):
+        raise InputError(f"{moved[0]} is given with MESH, which keeps its place and its size: leave it out")
     bundle = _bundle_options(bundle_folder(asked.model, models))
     job = _merge([QUALITY[asked.quality], bundle, given], environment.get("JOB") or "")
     if isinstance(written, str) and written in QUALITY and written != asked.quality:
@@ -229,11 +235,18 @@ def _parse_switch(name: str, text: str) -> bool:
     return text == "1"
 
 
-def _parse_sigma(text: str) -> float:
+def _parse_number(name: str, text: str, example: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise InputError(f"SIGMA_S is {short(text)}, expected a number such as 0.3") from None
+        raise InputError(f"{name} is {short(text)}, expected a number such as {example}") from None
+
+
+def _put(given: dict[str, Any], section: str, key: str, value: Any) -> None:
+    """Set an option of a section of what a file says; a section that is none is left for `build` to name."""
+    options = given.get(section) or {}
+    if isinstance(options, dict):
+        given[section] = {**options, key: value}
 
 
 def _bundle_options(folder: Path) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import numpy as np
 from PIL import Image
 
 from pipeline.mesh.gltf import glb_bytes
-from pipeline.mesh.mesh import material_text
+from pipeline.mesh.materials import material_of, mtl_text
 from pipeline.paint.asset_parts import float32_place, painted_obj, painted_parts
 from pipeline.paint.given_mesh import load_paint_mesh
 from pipeline.report.png import write_png
@@ -28,13 +28,15 @@ def main(context: Context) -> None:
 
     place = float32_place(mesh.vertices[np.unique(mesh.faces)])
     parts = painted_parts(mesh, place, colours)
+    material, word = material_of(context.job.prompt, options.unlit)
     png = None
     if colours is None:
         write_png(outputs["albedo"], albedo)
         png = outputs["albedo"].read_bytes()
-        outputs["mtl"].write_text(material_text(outputs["albedo"].name), encoding="ascii")
+        text = mtl_text(["albedo"], material, outputs["albedo"].name)
+        outputs["mtl"].write_text(text, encoding="ascii")
     # Both sides of a face show its colour: open surfaces are seen from behind, and windings may be mixed.
-    outputs["glb"].write_bytes(glb_bytes(parts, png, translation=place, double_sided=True))
+    outputs["glb"].write_bytes(glb_bytes(parts, png, material, translation=place, double_sided=True))
     library = outputs["mtl"].name if colours is None else None
     outputs["obj"].write_text(painted_obj(mesh, library, colours), encoding="utf-8")
     shade = albedo_shade(shown, values) if colours is None else face_shade(colours)

@@ -10,10 +10,12 @@ import trimesh
 from PIL import Image
 
 from pipeline.mesh.gltf import Part, glb_bytes
+from pipeline.mesh.materials import Material
 from pipeline.mesh.mesh import SplitMesh, split_seams
 from pipeline.mesh.unwrap import unwrap_mesh
 from tests import shapes
 
+MATT = Material(1.0, 0.0)
 ROOT = Path(__file__).resolve().parents[2]
 VALIDATOR = ROOT / ".cache" / "gltf-validator"
 
@@ -36,7 +38,7 @@ def image() -> Image.Image:
 def glb(mesh: SplitMesh, image: Image.Image) -> bytes:
     png = io.BytesIO()
     image.save(png, format="PNG")
-    return glb_bytes([whole(mesh)], png.getvalue())
+    return glb_bytes([whole(mesh)], png.getvalue(), MATT)
 
 
 def test_another_program_reads_the_same_mesh_and_image(
@@ -58,7 +60,15 @@ def test_another_program_reads_the_same_mesh_and_image(
 def test_the_same_mesh_gives_the_same_bytes(glb: bytes, mesh: SplitMesh, image: Image.Image) -> None:
     png = io.BytesIO()
     image.save(png, format="PNG")
-    assert glb_bytes([whole(mesh)], png.getvalue()) == glb
+    assert glb_bytes([whole(mesh)], png.getvalue(), MATT) == glb
+
+
+def test_unlit_is_an_extension_and_lit_is_none(glb: bytes, mesh: SplitMesh, image: Image.Image) -> None:
+    assert b"KHR_materials_unlit" not in glb
+    png = io.BytesIO()
+    image.save(png, format="PNG")
+    unlit = glb_bytes([whole(mesh)], png.getvalue(), MATT._replace(unlit=True), name="torus")
+    assert unlit.count(b"KHR_materials_unlit") == 2
 
 
 @pytest.mark.skipif(shutil.which("npm") is None, reason="the Khronos validator runs on node")

@@ -44,4 +44,4 @@ def test_a_job_has_the_stages_that_it_asks_for() -> None:
     assert [stage.name for stage in stages_of(Job(prompt="x", mesh="a.obj"))] == [
         stage.name for stage in (*PAINT, REPORT) if not stage.optional
     ]
-    assert stage_options(Job(prompt="x", seed=3), "publish_paint").keys() == {"param", "publish"}
+    assert stage_options(Job(prompt="x", seed=3), "publish_paint").keys() == {"prompt", "param", "publish"}
