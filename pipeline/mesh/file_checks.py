@@ -57,8 +57,6 @@ def check_gltf(path: Path) -> None:
             most = MOST_ELEMENTS if view is None else int(views[view]["byteLength"])
             if not 0 <= count <= most:
                 raise InputError(f"{path}: accessor {index} claims {count} elements; the file is damaged")
-        for mesh in document.get("meshes", []):
-            _check_plain_numbers(mesh, accessors, path)
         children = [[int(child) for child in node.get("children", ())] for node in document.get("nodes", [])]
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
         raise InputError(
@@ -68,19 +66,6 @@ def check_gltf(path: Path) -> None:
         if not name.startswith(SUPPORTED_EXTENSIONS):
             raise InputError(f"{path}: needs the glTF extension {name[:60]}; export the mesh without it")
     _check_tree(children, path)
-
-
-def _check_plain_numbers(mesh: dict[str, Any], accessors: list[dict[str, Any]], path: Path) -> None:
-    """The reader passes over sparse changes, and takes integers as they stand, where `normalized` ones mean
-    shares of the largest. (Texture coordinates beyond [0, 1] are not used in any case.)"""
-    for primitive in mesh["primitives"]:
-        used = {name: primitive["attributes"].get(name) for name in ("POSITION", "TEXCOORD_0")}
-        for name, index in {**used, "indices": primitive.get("indices")}.items():
-            if index is not None and "sparse" in accessors[index]:
-                raise InputError(f"{path}: {name} is sparse; export the mesh without sparse accessors")
-        position = used["POSITION"]
-        if position is not None and accessors[position].get("normalized"):
-            raise InputError(f"{path}: POSITION is quantised; export the mesh without quantisation")
 
 
 def _check_tree(children: list[list[int]], path: Path) -> None:
@@ -150,3 +135,25 @@ def read_gltf_json(path: Path) -> dict[str, Any]:
     if not isinstance(document, dict):
         raise InputError(f"{path}: not a glTF file, its JSON is no object; export it again")
     return document
+
+
+def beside(folder: Path, uri: str) -> Path | None:
+    """Return the file that a document in `folder` names, if it is one and lies there or below."""
+    try:
+        file = folder / unquote(uri)
+        inside = file.resolve().is_relative_to(folder.resolve())
+        return file if inside and file.is_file() else None
+    except (OSError, ValueError):  # no name of a file: too long, or with a NUL
+        return None
+
+
+def image_files(path: Path) -> list[Path]:
+    """Return the pictures that lie beside a .gltf or .glb file and belong to it."""
+    if path.suffix.lower() not in (".gltf", ".glb"):
+        return []
+    images = read_gltf_json(path).get("images", [])
+    uris = (
+        [image.get("uri") for image in images if isinstance(image, dict)] if isinstance(images, list) else []
+    )
+    named = [uri for uri in uris if isinstance(uri, str) and not uri.startswith("data:")]
+    return [file for file in (beside(path.parent, uri) for uri in named) if file is not None]
