@@ -58,6 +58,7 @@ class Bake:
         0, "side of a rendered view [latent pixels]; 0: the bundle's latent size, doubled up to 64", 0, 512
     )
     texture: int = option(1024, "side of the texture [texels], a power of two", 64, 8192)
+    normal_map: bool = option(True, "a normal map of what the surface was before its faces were made fewer")
 
     def __post_init__(self) -> None:
         check(self)

@@ -9,6 +9,7 @@ from pipeline.mesh.gltf import Part, glb_bytes
 from pipeline.mesh.materials import material_of, mtl_text, object_name
 from pipeline.mesh.mesh import bounding_radius, read_obj, split_seams, write_obj
 from pipeline.mesh.placing import placed
+from pipeline.mesh.tangents import vertex_tangents
 from pipeline.mesh.topology import topology
 from pipeline.report.png import write_png
 from pipeline.report.preview import albedo_shade, preview
@@ -30,10 +31,19 @@ def main(context: Context) -> None:
     material, word = material_of(context.job.prompt, options.unlit)
     stands, origin, scale = placed(mesh, options.pivot, options.size_m)
     split = split_seams(stands)
-    part = Part(name, split.vertices, split.faces, split.normals, split.uv)
+    normal_png, tangents, normal_name = None, None, ""
+    if "normal" in context.inputs:
+        normal_png = context.inputs["normal"].read_bytes()
+        outputs["normal"].write_bytes(normal_png)
+        tangents, normal_name = vertex_tangents(split), outputs["normal"].name
+    if options.unlit:  # a normal map would have nothing to act on
+        normal_png, tangents, normal_name = None, None, ""
+    part = Part(name, split.vertices, split.faces, split.normals, split.uv, tangents)
     png = outputs["albedo"].read_bytes()
-    outputs["glb"].write_bytes(glb_bytes([part], png, material, name=name))
-    outputs["mtl"].write_text(mtl_text([name], material, outputs["albedo"].name), encoding="utf-8")
+    glb = glb_bytes([part], png, material, name=name, normal_png=normal_png)
+    outputs["glb"].write_bytes(glb)
+    text = mtl_text([name], material, outputs["albedo"].name, normal_name)
+    outputs["mtl"].write_text(text, encoding="utf-8")
     write_obj(outputs["obj"], stands, outputs["mtl"].name, name, normals=True)
     write_png(outputs["preview"], preview(mesh, shade, options.preview_size))
     with Progress("publish", options.turntable_frames, "frames") as progress:
