@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from urllib.parse import unquote
 
-from pipeline.mesh.file_checks import buffer_files
+from pipeline.mesh.file_checks import buffer_files, image_files
 
 
 def relative(path):
@@ -31,12 +31,15 @@ def named_files(wildcards, input, output):
         f"--output={name}={path}" for name, path in output.items() if name != "entry"]
 
 
-def given_files(name):
-    """Return the parameter that names a file of the user, and the buffers of a .gltf. They are no inputs to
+def given_files(name, pictures=False):
+    """Return the parameter that names a file of the user, and the buffers (and pictures) of a .gltf. They are no inputs to
     Snakemake, which would take braces in a path for wildcards; the plan looks at their contents, and has the
     stage run when these changed."""
     path = unquote(config[name])
-    return given({name: path} | {f"buffer{i}": buffer for i, buffer in enumerate(buffer_files(Path(path)))})
+    files = {name: path} | {f"buffer{i}": buffer for i, buffer in enumerate(buffer_files(Path(path)))}
+    if pictures:
+        files |= {f"image{i}": image for i, image in enumerate(image_files(Path(path)))}
+    return given(files)
 
 
 def given(files):

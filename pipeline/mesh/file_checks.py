@@ -18,8 +18,8 @@ MOST_ELEMENTS = 20_000_000
 """Of one glTF accessor that has no data behind it and stands for zeros."""
 MOST_DEPTH = 100
 """Of glTF nodes: a hand's skeleton has ten levels, and placing a node takes as long as it is deep."""
-_TRIANGLES = {4: "triangles", 5: "triangle strips"}
-_OTHERS = {0: "points", 1: "lines", 2: "line loops", 3: "line strips", 6: "triangle fans"}
+_TRIANGLES = {4: "triangles", 5: "triangle strips", 6: "triangle fans"}
+_OTHERS = {0: "points", 1: "lines", 2: "line loops", 3: "line strips"}
 """What glTF can draw beside these (specification, 3.7.2.1)."""
 SUPPORTED_EXTENSIONS = (
     "KHR_materials_",
@@ -103,8 +103,6 @@ def check_gltf(path: Path) -> None:
             most = MOST_ELEMENTS if view is None else int(views[view]["byteLength"])
             if not 0 <= count <= most:
                 raise InputError(f"{path}: accessor {index} claims {count} elements; the file is damaged")
-        for mesh in document.get("meshes", []):
-            _check_plain_numbers(mesh, accessors, path)
         _check_shown(document, path)
         children = [[int(child) for child in node.get("children", ())] for node in document.get("nodes", [])]
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
@@ -128,7 +126,7 @@ def _check_shown(document: dict[str, Any], path: Path) -> None:
     """Raise InputError where no node of the scene has a mesh, or no mesh has triangles."""
     meshes, nodes = document.get("meshes", []), document.get("nodes", [])
     modes = {int(primitive.get("mode", 4)) for mesh in meshes for primitive in mesh["primitives"]}
-    if 6 in modes or (modes and not modes & _TRIANGLES.keys()):
+    if modes and not modes & _TRIANGLES.keys():
         names = ", ".join(_OTHERS.get(mode, f"mode {mode}") for mode in sorted(modes))
         raise InputError(f"{path}: is made of {names}; export it as triangles")
     scenes = document.get("scenes", [])
@@ -143,19 +141,6 @@ def _check_shown(document: dict[str, Any], path: Path) -> None:
         raise InputError(
             f"{path}: has {len(meshes)} meshes, but none in its scene; export it with a scene that shows them"
         )
-
-
-def _check_plain_numbers(mesh: dict[str, Any], accessors: list[dict[str, Any]], path: Path) -> None:
-    """The reader passes over sparse changes, and takes integers as they stand, where `normalized` ones mean
-    shares of the largest. (Texture coordinates beyond [0, 1] are not used in any case.)"""
-    for primitive in mesh["primitives"]:
-        used = {name: primitive["attributes"].get(name) for name in ("POSITION", "TEXCOORD_0")}
-        for name, index in {**used, "indices": primitive.get("indices")}.items():
-            if index is not None and "sparse" in accessors[index]:
-                raise InputError(f"{path}: {name} is sparse; export the mesh without sparse accessors")
-        position = used["POSITION"]
-        if position is not None and accessors[position].get("normalized"):
-            raise InputError(f"{path}: POSITION is quantised; export the mesh without quantisation")
 
 
 def _check_tree(children: list[list[int]], path: Path) -> None:
@@ -264,3 +249,25 @@ def read_gltf_json(path: Path) -> dict[str, Any]:
     except (ValueError, struct.error) as error:
         said = str(error).splitlines()[0][:120]
         raise InputError(f"{path}: not a readable glTF file ({said}); export it again") from None
+
+
+def beside(folder: Path, uri: str) -> Path | None:
+    """Return the file that a document in `folder` names, if it is one and lies there or below."""
+    try:
+        file = folder / unquote(uri)
+        inside = file.resolve().is_relative_to(folder.resolve())
+        return file if inside and file.is_file() else None
+    except (OSError, ValueError):  # no name of a file: too long, or with a NUL
+        return None
+
+
+def image_files(path: Path) -> list[Path]:
+    """Return the pictures that lie beside a .gltf or .glb file and belong to it."""
+    if path.suffix.lower() not in (".gltf", ".glb"):
+        return []
+    images = read_gltf_json(path).get("images", [])
+    uris = (
+        [image.get("uri") for image in images if isinstance(image, dict)] if isinstance(images, list) else []
+    )
+    named = [uri for uri in uris if isinstance(uri, str) and not uri.startswith("data:")]
+    return [file for file in (beside(path.parent, uri) for uri in named) if file is not None]

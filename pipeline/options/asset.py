@@ -1,6 +1,7 @@
 """The options of the stages that turn a field into an asset: mesh, texture coordinates, texture, pictures."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 from pipeline.options.schema import check, check_power_of_two, option
 
@@ -65,6 +66,7 @@ class Bake:
         0, "side of a rendered view [latent pixels]; 0: the bundle's latent size, doubled up to 64", 0, 512
     )
     texture: int = option(1024, "side of the texture [texels], a power of two", 64, 8192)
+    normal_map: bool = option(True, "a normal map of what the surface was before its faces were made fewer")
 
     def __post_init__(self) -> None:
         check(self)
@@ -75,6 +77,13 @@ class Bake:
 class Publish:
     """The asset and its pictures."""
 
+    unlit: bool = option(False, "show the texture as it is, without light, instead of a lit material")
+    pivot: Literal["base", "centre"] = option(
+        "base", "the asset's origin: the middle of its bottom, so that it stands on the floor, or its middle"
+    )
+    size_m: float = option(
+        0.0, "longest side of the asset [metres]; 0: as trained, 1.5 m from end to end or less", 0, 10_000
+    )
     preview_size: int = option(256, "side of a tile of preview.png [pixels]", 32, 2048)
     turntable_size: int = option(384, "side of the turntable [pixels]", 32, 2048)
     turntable_frames: int = option(72, "frames of one turn", 2, 1000)

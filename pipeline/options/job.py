@@ -3,8 +3,8 @@
 A job is resolved from, in rising order of precedence: the defaults below (the paper's values where it gives
 them), the quality table, the ``distillation`` section of the model's bundle.json, the YAML file named by
 JOB, and the environment variables PROMPT, NEGATIVE, TOKEN, MODEL, SEED, SEEDS, QUALITY, SKETCH, SIGMA_S,
-REFINE, MESH, PARAM, START, STRENGTH and PROVIDER. The resolved job is complete: it is what a run's job.yaml
-holds, and its hash names the run's folder.
+REFINE, MESH, PARAM, START, STRENGTH, PROVIDER, UNLIT, PIVOT and SIZE_M. The resolved job is complete: it is
+what a run's job.yaml holds, and its hash names the run's folder.
 
 This module is imported before anything runs, so it imports nothing heavy.
 """
@@ -146,11 +146,10 @@ def resolve(
     given |= options or {}
     written = given.get("quality")
     variables = _variables(environment)
-    section = given.get("train_nerf") or {}
-    if "train_nerf" in variables:  # what is no section, `build` names
-        variables["train_nerf"] = (
-            {**section, **variables["train_nerf"]} if isinstance(section, dict) else section
-        )
+    for name in ("train_nerf", "publish"):
+        section = given.get(name) or {}
+        if name in variables:  # what is no section, `build` names
+            variables[name] = {**section, **variables[name]} if isinstance(section, dict) else section
     given |= variables
     # Everything the user can get wrong is named before the layers below it are merged in.
     asked = build(Job, given, environment.get("JOB") or "")
@@ -179,6 +178,8 @@ def resolve(
         raise InputError(f"MESH {short(asked.mesh)} does not exist or is no file: give the path of a mesh")
     if environment.get("PARAM") and not asked.mesh:
         raise InputError("PARAM is given without MESH: it chooses how a given mesh is painted")
+    if asked.mesh and (moved := [name for name in ("PIVOT", "SIZE_M") if environment.get(name)]):
+        raise InputError(f"{moved[0]} is given with MESH, which keeps its place and its size: leave it out")
     if asked.start and asked.start != coming:
         check_start(asked.start)
     if environment.get("STRENGTH") and not asked.start:
@@ -211,16 +212,25 @@ def _variables(environment: Mapping[str, str]) -> dict[str, Any]:
         if environment.get(variable):
             found[variable.lower()] = _parse_whole(variable, environment[variable])
     if environment.get("STRENGTH"):
-        found["strength"] = _parse_number("STRENGTH", environment["STRENGTH"])
+        found["strength"] = _parse_number("STRENGTH", environment["STRENGTH"], "0.5")
     if environment.get("REFINE"):
         found["refine"] = _parse_switch("REFINE", environment["REFINE"])
     if environment.get("SIGMA_S"):
-        found["train_nerf"] = {"sigma_s": _parse_number("SIGMA_S", environment["SIGMA_S"])}
+        found["train_nerf"] = {"sigma_s": _parse_number("SIGMA_S", environment["SIGMA_S"], "0.3")}
+    published: dict[str, Any] = {}
+    if environment.get("UNLIT"):
+        published["unlit"] = _parse_switch("UNLIT", environment["UNLIT"])
+    if environment.get("PIVOT"):
+        published["pivot"] = environment["PIVOT"]
+    if environment.get("SIZE_M"):
+        published["size_m"] = _parse_number("SIZE_M", environment["SIZE_M"], "1.8")
+    if published:
+        found["publish"] = published
     try:
         build(Job, {"prompt": "x", **found})
     except InputError as error:
         name, _, rest = str(error).partition(" ")
-        raise InputError(f"{name.removeprefix('train_nerf.').upper()} {rest}") from None
+        raise InputError(f"{name.rpartition('.')[2].upper()} {rest}") from None
     return found
 
 
@@ -319,11 +329,11 @@ def _parse_switch(name: str, text: str) -> bool:
     return text == "1"
 
 
-def _parse_number(name: str, text: str) -> float:
+def _parse_number(name: str, text: str, example: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise InputError(f"{name} is {short(text)}, expected a number such as 0.3") from None
+        raise InputError(f"{name} is {short(text)}, expected a number such as {example}") from None
 
 
 def _bundle_options(folder: Path) -> dict[str, Any]:

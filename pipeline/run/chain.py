@@ -75,7 +75,7 @@ TEXT = (
     Stage("clean", ("clean",)),
     Stage("unwrap", ("unwrap",)),
     Stage("bake", ("bake", "provider"), networks=("vae_decoder",)),
-    Stage("publish", ("publish",)),
+    Stage("publish", ("prompt", "publish")),
 )
 """From a text to a mesh."""
 
@@ -103,7 +103,7 @@ PAINT = (
         together=_REFINING,
         training="refinement",
     ),
-    Stage("publish_paint", ("param", "publish")),
+    Stage("publish_paint", ("prompt", "param", "publish")),
 )
 """From a text and a mesh to that mesh with colours."""
 

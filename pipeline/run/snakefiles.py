@@ -42,6 +42,7 @@ def snakemake_config(job: Job, run: Path, threads: int = 1) -> dict[str, str | i
         **({"start": named} if named else {}),
         "stages": "+".join(stage.name for stage in stages_of(job) if stage is not REPORT),
         "param": job.param,
+        "normal_map": "yes" if job.bake.normal_map else "no",
         **({"tokens": tokens} if tokens else {}),  # Snakemake takes no empty value
         "threads": threads,
     }

@@ -8,7 +8,7 @@ comes last again, because collapsing edges can pinch a surface.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pymeshlab
@@ -28,10 +28,18 @@ VIEWS = 24
 SILHOUETTE_SIZE = 192
 
 
-def clean_mesh(
-    mesh: Mesh, faces: int, smoothing: int, min_component: float
-) -> tuple[Mesh, list[dict[str, Any]]]:
-    """Return the cleaned mesh and, for every step, its name and the counts after it.
+class Cleaned(NamedTuple):
+    """A mesh before and after its faces were made fewer, and how that went."""
+
+    mesh: Mesh
+    fine: Mesh
+    """The same surface with all its faces: what a normal map shows."""
+    steps: list[dict[str, Any]]
+    """For every step its name and the counts after it."""
+
+
+def clean_mesh(mesh: Mesh, faces: int, smoothing: int, min_component: float) -> Cleaned:
+    """Return the cleaned mesh.
 
     Args:
         mesh: raw surface, positions in scene units.
@@ -71,10 +79,11 @@ def clean_mesh(
     mesh = note("repair", repair(mesh, count))
     if smoothing:
         mesh = note("smoothing", smooth(mesh, smoothing))
+    fine = orient_outwards(mesh)
     if len(mesh.faces) > faces:
         mesh = note("decimation", decimate(mesh, faces))
         mesh = note("repair", repair(mesh, count))
-    return note("orientation", orient_outwards(mesh)), steps
+    return Cleaned(note("orientation", orient_outwards(mesh)), fine, steps)
 
 
 def _same_faces(first: Mesh, second: Mesh) -> bool:
@@ -204,10 +213,10 @@ def orient_outwards(mesh: Mesh) -> Mesh:
 
 
 def main(context: Context) -> None:
-    """Read the raw mesh; write the clean one."""
+    """Read the raw mesh; write the clean one, and the same before its faces were made fewer."""
     options = context.job.clean
     raw = read_ply(context.inputs["mesh"])
-    mesh, steps = clean_mesh(raw, options.faces, options.smoothing, options.min_component)
+    mesh, fine, steps = clean_mesh(raw, options.faces, options.smoothing, options.min_component)
     counts = topology(mesh)
     if not counts.manifold:
         raise InputError(
@@ -228,6 +237,7 @@ def main(context: Context) -> None:
         silhouette_iou_with_raw=kept,
     )
     write_ply(context.outputs["mesh"], mesh)
+    write_ply(context.outputs["fine"], fine)
 
 
 if __name__ == "__main__":

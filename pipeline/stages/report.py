@@ -16,6 +16,7 @@ FILES = {
     "asset.obj": "the mesh for other programs",
     "asset.mtl": "its material",
     "albedo.png": "its texture",
+    "normal.png": "its normal map (tangent space, MikkTSpace)",
     "preview.png": "eight views and four normal maps",
     "turntable.mp4": "one turn around the asset",
     "job.yaml": "what was asked for, complete: JOB=job.yaml makes it again",

@@ -251,3 +251,21 @@ def test_the_examples_are_jobs() -> None:
     examples = Path(__file__).parents[2] / "examples"
     job = resolve({"PROMPT": "a brown horse", "NEGATIVE": "a chair", "JOB": str(examples / "two-faced.yaml")})
     assert job.train_nerf.perp_neg == 1.0
+
+
+def test_how_an_asset_is_published_can_be_said_in_the_environment(models: Path) -> None:
+    base = {"PROMPT": "a cup", "MODEL": "plain"}
+    job = resolve({**base, "UNLIT": "1", "PIVOT": "centre", "SIZE_M": "0.12"}, models)
+    assert (job.publish.unlit, job.publish.pivot, job.publish.size_m) == (True, "centre", 0.12)
+    assert resolve({**base, "UNLIT": "0"}, models).publish == asset.Publish()
+    for name, value, words in (
+        ("UNLIT", "yes", r"UNLIT is 'yes', expected 1"),
+        ("PIVOT", "top", "base | centre"),
+        ("SIZE_M", "tall", "SIZE_M is 'tall'"),
+        ("SIZE_M", "-1", "from 0 to 10000"),
+    ):
+        with pytest.raises(InputError, match=words):
+            resolve({**base, name: value}, models)
+    mesh = write(models, "")
+    with pytest.raises(InputError, match="PIVOT is given with MESH"):
+        resolve({**base, "MESH": mesh, "PIVOT": "base"}, models)

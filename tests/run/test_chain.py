@@ -51,4 +51,4 @@ def test_a_job_has_the_stages_that_it_asks_for() -> None:
     assert stages(mesh="a.obj", start="b", refine=True) == [
         "embed", "prepare", "start_paint", "train_paint", "bake_paint", "refine_paint", *painted
     ]  # fmt: skip
-    assert stage_options(Job(prompt="x", seed=3), "publish_paint").keys() == {"param", "publish"}
+    assert stage_options(Job(prompt="x", seed=3), "publish_paint").keys() == {"prompt", "param", "publish"}
