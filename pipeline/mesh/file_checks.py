@@ -134,7 +134,7 @@ def _check_shown(document: dict[str, Any], path: Path) -> None:
     shown: set[int] = set()
     while waiting:
         node = waiting.pop()
-        if node not in shown:
+        if node not in shown and 0 <= node < len(nodes):  # the tree is checked apart
             shown.add(node)
             waiting += [int(child) for child in nodes[node].get("children", ())]
     if meshes and not any("mesh" in nodes[node] for node in shown):

@@ -19,6 +19,7 @@ from pipeline.errors import InputError
 from pipeline.files import refusal
 from pipeline.options import job as jobs
 from pipeline.options.job import Job
+from pipeline.options.quality import QUALITY
 from pipeline.report import gallery
 from pipeline.report.viewer import three_js, viewer_js
 from pipeline.run.verify import verify
@@ -112,7 +113,7 @@ class _Api:
         """Say what can be asked for, and how long each quality takes."""
         models = list(jobs.known_models())
         seconds = {}
-        for quality in jobs.QUALITY:
+        for quality in QUALITY:
             with contextlib.suppress(InputError):
                 job = jobs.resolve({"PROMPT": "a red armchair", "QUALITY": quality})
                 seconds[quality] = round(sum(self.queue.seconds_of(job).values()))

@@ -123,9 +123,9 @@ MESHES: dict[str, tuple[Callable[[], bytes], str]] = {
         "more than 100 deep",
     ),
     "hidden.gltf": (lambda: gltf(scenes=[{"nodes": []}]), "none in its scene"),
-    "fans.gltf": (
-        lambda: gltf(meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "mode": 6}]}]),
-        "triangle fans",
+    "lines.gltf": (
+        lambda: gltf(meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "mode": 1}]}]),
+        "made of lines",
     ),
     "escapes.gltf": (
         lambda: gltf(buffers=[{"uri": "../../../../etc/passwd", "byteLength": 72}]),

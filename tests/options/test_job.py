@@ -15,6 +15,7 @@ from pipeline.options import asset
 from pipeline.options import job as jobs
 from pipeline.options.job import Job, resolve
 from pipeline.options.nerf import TrainNerf
+from pipeline.options.quality import QUALITY
 from pipeline.options.schema import build, describe
 
 
@@ -38,7 +39,7 @@ def test_each_layer_wins_over_the_one_below(models: Path) -> None:
     base = {"PROMPT": "a cup", "MODEL": "plain"}
     assert resolve(base, models) == Job(prompt="a cup", model="plain")
     draft = resolve({**base, "QUALITY": "draft"}, models)
-    assert draft.train_nerf.steps == jobs.QUALITY["draft"]["train_nerf"]["steps"] != TrainNerf().steps
+    assert draft.train_nerf.steps == QUALITY["draft"]["train_nerf"]["steps"] != TrainNerf().steps
     tuned = resolve({**base, "QUALITY": "draft", "MODEL": "tuned"}, models)
     assert (tuned.train_nerf.steps, tuned.train_nerf.guidance_scale, tuned.train_nerf.radius) == (
         77,
@@ -54,7 +55,7 @@ def test_each_layer_wins_over_the_one_below(models: Path) -> None:
     assert written.train_nerf.guidance_scale == 15.0
     said = resolve({"JOB": write(models, asked), "PROMPT": "a cup", "SEED": "6", "QUALITY": "high"}, models)
     assert (said.prompt, said.seed, said.quality, said.train_nerf.steps) == ("a cup", 6, "high", 9)
-    assert said.clean == asset.Clean(**jobs.QUALITY["high"]["clean"])
+    assert said.clean == asset.Clean(**QUALITY["high"]["clean"])
 
 
 def test_another_quality_for_a_complete_file_is_refused(models: Path) -> None:
