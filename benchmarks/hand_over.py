@@ -37,7 +37,8 @@ from pipeline.nerf import train as nerf_train
 from pipeline.nerf.scene import Scene, load_scene, save_scene
 from pipeline.nerf.start import STARTED_COOLING, started_state
 from pipeline.nerf.step import State, initial_state
-from pipeline.options.job import HAND_OVER, Job
+from pipeline.options.job import Job
+from pipeline.options.quality import HAND_OVER
 from pipeline.options.schema import build, plain
 from pipeline.options.start import StartFit, started
 from pipeline.run import staleness

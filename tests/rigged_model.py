@@ -168,7 +168,8 @@ def rigged_glb() -> bytes:
         "samplers": [{"wrapS": 10497}],
         "images": images,
     }  # fmt: skip
-    document["meshes"][1]["primitives"][0]["indices"] = document["meshes"][0]["primitives"][0]["indices"]
+    meshes: Any = document["meshes"]
+    meshes[1]["primitives"][0]["indices"] = meshes[0]["primitives"][0]["indices"]
     document |= {"accessors": file.accessors, "bufferViews": file.views}
     document["buffers"] = [{"byteLength": len(file.binary)}]
     return container(json.loads(json.dumps(document)), bytes(file.binary))

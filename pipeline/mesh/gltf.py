@@ -123,7 +123,7 @@ def material_properties(material: Material, texture: int | None) -> dict[str, An
     """Return what a glTF material says of light; `texture` is the row of its base colour (None: white)."""
     factors = {"metallicFactor": material.metallic, "roughnessFactor": material.roughness}
     colour = {} if texture is None else {"baseColorTexture": {"index": texture}}
-    unlit = {"extensions": {"KHR_materials_unlit": {}}} if material.unlit else {}
+    unlit: dict[str, Any] = {"extensions": {"KHR_materials_unlit": {}}} if material.unlit else {}
     return {"pbrMetallicRoughness": {**colour, **factors}, **unlit}
 
 

@@ -202,7 +202,8 @@ def _skinned(
     if "inverseBindMatrices" in described:
         inverse = document.values(described["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
         joints = joints @ inverse[: len(joints)]
-    total, blended = 0.0, 0.0
+    count = len(document.elements(attributes["JOINTS_0"]))
+    total, blended = np.zeros(count), np.zeros((count, 4, 4))
     for number in range(len(attributes)):
         if f"JOINTS_{number}" not in attributes:
             break
@@ -210,7 +211,6 @@ def _skinned(
         share = document.values(attributes[f"WEIGHTS_{number}"])
         blended = blended + np.einsum("vk,vkij->vij", share, joints[which])
         total = total + share.sum(axis=1)
-    total = np.asarray(total)
     still = total <= 0  # a vertex without weights stays where it is
     blended = np.where(still[:, None, None], np.eye(4), blended / np.where(still, 1.0, total)[:, None, None])
     return np.asarray(blended)

@@ -64,7 +64,7 @@ class Painter:
 
     def _painted(self, given: int | None) -> int:
         materials: list[dict[str, Any]] = self._json.setdefault("materials", [])
-        old = {"name": "albedo"} if given is None else materials[given]
+        old: dict[str, Any] = {"name": "albedo"} if given is None else materials[given]
         made = {name: copy.deepcopy(value) for name, value in old.items() if name in KEPT}
         made |= material_properties(self._material, self._texture)
         row = len(materials) if given is None or given in self._others else given

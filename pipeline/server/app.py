@@ -85,7 +85,7 @@ def make_app(queue: Queue, token: str = "") -> ASGIApp:
         OSError: _os_error,
         ClientDisconnect: _gone,
     }
-    return Access(Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers), token)  # type: ignore[arg-type]
+    return Access(Starlette(routes=routes, lifespan=lifespan, exception_handlers=handlers), token)
 
 
 class _Api:

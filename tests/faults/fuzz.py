@@ -102,10 +102,10 @@ def run_fork(name: str, read: Callable[[], object], folder: Path) -> Ended:
         time.sleep(0.002)
     code = os.waitstatus_to_exitcode(status)
     words = {READ: "read", REFUSED: "refused", FAILED: "an error that is no InputError"}
-    said = words.get(code, f"status {code}") if code >= 0 else f"killed by {signal.Signals(-code).name}"
+    what = words.get(code, f"status {code}") if code >= 0 else f"killed by {signal.Signals(-code).name}"
     if seconds > WAIT:
-        said = f"more than {WAIT} s"
-    return Ended(name, said, seconds, usage.ru_maxrss / 1024)
+        what = f"more than {WAIT} s"
+    return Ended(name, what, seconds, usage.ru_maxrss / 1024)
 
 
 def fuzz(
