@@ -105,7 +105,6 @@ def check_gltf(path: Path) -> None:
                 raise InputError(f"{path}: accessor {index} claims {count} elements; the file is damaged")
         for mesh in document.get("meshes", []):
             _check_plain_numbers(mesh, accessors, path)
-        _check_shown(document, path)
         children = [[int(child) for child in node.get("children", ())] for node in document.get("nodes", [])]
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
         raise InputError(
@@ -115,6 +114,12 @@ def check_gltf(path: Path) -> None:
         if not name.startswith(SUPPORTED_EXTENSIONS):
             raise InputError(f"{path}: needs the glTF extension {name[:60]}; export the mesh without it")
     _check_tree(children, path)
+    try:
+        _check_shown(document, path)
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
+        raise InputError(
+            f"{path}: not valid glTF ({type(error).__name__}: {error}); export it again"
+        ) from None
 
 
 def _check_version(document: dict[str, Any], path: Path) -> None:
