@@ -103,7 +103,6 @@ def check_gltf(path: Path) -> None:
             most = MOST_ELEMENTS if view is None else int(views[view]["byteLength"])
             if not 0 <= count <= most:
                 raise InputError(f"{path}: accessor {index} claims {count} elements; the file is damaged")
-        _check_shown(document, path)
         children = [[int(child) for child in node.get("children", ())] for node in document.get("nodes", [])]
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
         raise InputError(
@@ -113,6 +112,12 @@ def check_gltf(path: Path) -> None:
         if not name.startswith(SUPPORTED_EXTENSIONS):
             raise InputError(f"{path}: needs the glTF extension {name[:60]}; export the mesh without it")
     _check_tree(children, path)
+    try:
+        _check_shown(document, path)
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
+        raise InputError(
+            f"{path}: not valid glTF ({type(error).__name__}: {error}); export it again"
+        ) from None
 
 
 def _check_version(document: dict[str, Any], path: Path) -> None:
