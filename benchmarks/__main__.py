@@ -23,6 +23,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 RESULTS, DOCS = HERE / "results", HERE.parent / "docs"
 BY_NAME = {
+    "asset": "6 min",
     "default-model": "35 min",
     "distillation": "30 min",
     "guidance": "16 min",

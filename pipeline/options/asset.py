@@ -32,6 +32,10 @@ class Clean:
 
     faces: int = option(20_000, "face budget", 100, 5_000_000)
     smoothing: int = option(15, "Taubin smoothing steps", 0, 100)
+    # What it is worth on known scenes: make bench ONLY=asset.
+    denoise: float = option(
+        0.12, "reach of the diffusion of normals, which stops at edges [scene units]; 0: none", 0, 1
+    )
     min_component: float = option(0.02, "components with a smaller share of the faces are dropped", 0, 1)
 
     def __post_init__(self) -> None:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.mesh.mesh import Mesh
+from pipeline.mesh.mesh import Mesh, vertex_normals
 from pipeline.mesh.silhouettes import comparison_cameras, mean_iou, silhouettes
 from pipeline.mesh.topology import face_components, signed_volumes, topology
 from pipeline.stages.clean import clean_mesh, remove_cavities, remove_floaters
@@ -128,3 +128,21 @@ def test_same_input_same_bytes() -> None:
     first, second = (clean_mesh(raw, 1500, 5, 0.02)[0] for _ in range(2))
     assert first.vertices.tobytes() == second.vertices.tobytes()
     assert first.faces.tobytes() == second.faces.tobytes()
+
+
+def test_denoised_is_smoother_closed_and_within_the_budget() -> None:
+    raw = shapes.mesh_of(shapes.ball(0.5), 64)
+    away = raw.vertices / np.linalg.norm(raw.vertices, axis=1, keepdims=True)
+    waves = 0.004 * np.sin(70 * raw.vertices).sum(axis=1, keepdims=True)
+    noisy = raw._replace(vertices=(raw.vertices + waves * away).astype(np.float32))
+
+    def roughness(mesh: Mesh) -> float:
+        outwards = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
+        return float(np.degrees(np.arccos(np.clip((vertex_normals(mesh) * outwards).sum(1), -1, 1))).mean())
+
+    plain, smooth = (clean_mesh(noisy, 4000, 5, 0.02, reach=reach) for reach in (0.0, 0.1))
+    assert roughness(smooth.mesh) < 0.6 * roughness(plain.mesh)
+    assert "denoising" in [step["step"] for step in smooth.steps]
+    assert len(smooth.mesh.faces) <= 4000 < len(smooth.fine.faces)
+    assert topology(smooth.mesh).closed
+    assert topology(smooth.mesh).manifold
