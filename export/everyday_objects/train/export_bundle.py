@@ -37,9 +37,10 @@ DISTILLATION = {
     # falling to 3 darkens what the armchair's colour should be; at 1.5 to 1 details go, wheels first.
     "guidance_scale": 2.0,
     "guidance_scale_end": 1.5,
-    "timestep_min": 0.2,
+    # Down to little noise at the end: edges are sharper, wheels rounder, at the same price.
+    "timestep_min": 0.1,
     "timestep_max": 0.98,
-    "timestep_max_end": 0.4,
+    "timestep_max_end": 0.25,
     "predicted_clean_clamp": 4.0,
     "signal_power": 0.0,
     "sparsity_weight": 40.0,
