@@ -107,6 +107,7 @@ class _Told(list[dict[str, Any]]):
         self.tell = tell
 
     def append(self, row: dict[str, Any]) -> None:
+        """Keep a row, and tell of it."""
         super().append(row)
         self.tell(row["step"], row)
 

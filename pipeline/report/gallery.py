@@ -18,8 +18,8 @@ from pipeline.report.viewer import inline, policy
 
 NAME = "gallery.html"
 EXTRA = """
-.gallery { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 13rem), 1fr)); gap:
-       1.25rem;
+.gallery { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 13rem), 1fr));
+           gap: 1.25rem;
            list-style: none; padding: 0; margin: 1.5rem 0; }
 .gallery h2 { font-size: 1rem; margin: .4rem 0 0; overflow-wrap: anywhere; }
 .gallery p { margin: 0; font-size: .9rem; overflow-wrap: anywhere; }
@@ -27,11 +27,11 @@ EXTRA = """
        padding: 0;
         border: 0; width: 100%; }
 .tile img { width: 400%; max-width: none; margin: 0; border-radius: 0; }
-input { font: inherit; padding: .4rem .6rem; border: 1px solid #8888; border-radius: 6px; width: min(100%,
-       20rem);
+input { font: inherit; padding: .4rem .6rem; border: 1px solid #8888; border-radius: 6px;
+        width: min(100%, 20rem);
         min-height: 2.5rem; box-sizing: border-box; background: var(--back); color: inherit; }
-dialog { width: min(64rem, 94vw); height: min(46rem, 90vh); border: 1px solid var(--line); border-radius:
-       10px;
+dialog { width: min(64rem, 94vw); height: min(46rem, 90vh); border: 1px solid var(--line);
+         border-radius: 10px;
          padding: 1rem; background: var(--back); color: inherit; box-sizing: border-box; }
 dialog[open] { display: flex; flex-direction: column; } dialog iframe { flex: 1; border: 0; width: 100%; }
 dialog .viewer-bar { margin: 0 0 .5rem; justify-content: space-between; }
@@ -114,7 +114,8 @@ def render(cards: Sequence[Card], title: str = "Gallery", base: str = "") -> str
         f'<meta http-equiv="Content-Security-Policy" content="{html.escape(rules, quote=True)}">'
         f'<title>{html.escape(title)}</title>'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<style>{STYLE}{EXTRA}</style></head>\n<body>\n<header><h1>{html.escape(title)}</h1></header>\n<main>\n"
+        f"<style>{STYLE}{EXTRA}</style></head>\n<body>\n"
+        f"<header><h1>{html.escape(title)}</h1></header>\n<main>\n"
         f'<p><label for="search">Find </label><input id="search" type="search" autocomplete="off"> '
         f'<span class="dim" id="count" role="status">{count}</span></p>\n{empty}'
         f'<ul class="gallery">\n{tiles}\n</ul>\n</main>\n'

@@ -12,8 +12,8 @@ from pipeline.report.unneeded import unneeded
 from pipeline.report.viewer import inline, policy, scripts
 
 STYLE = """
-:root { color-scheme: light dark; --line: #8884; --dim: #5c5c5c; --link: #0b57b0; --back: #fff; --plate:
-       #8881; }
+:root { color-scheme: light dark; --line: #8884; --dim: #5c5c5c; --link: #0b57b0; --back: #fff;
+        --plate: #8881; }
 @media (prefers-color-scheme: dark) { :root { --dim: #a8a8a8; --link: #8ab8f5; --back: #161616; } }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem;
        background: var(--back); }
@@ -21,8 +21,8 @@ h1 { font-size: 1.6rem; margin: 0; overflow-wrap: anywhere; white-space: pre-wra
 h2 { font-size: 1.1rem; margin: 2.5rem 0 .5rem; }
 a { color: var(--link); }
 .dim { color: var(--dim); }
-img, video { max-width: 100%; border-radius: 6px; background: var(--plate); display: block; margin: 1rem
-       auto; }
+img, video { max-width: 100%; border-radius: 6px; background: var(--plate); display: block;
+             margin: 1rem auto; }
 video { width: min(100%, 32rem); }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; width: 100%; }
@@ -41,8 +41,8 @@ summary { cursor: pointer; } pre { overflow-x: auto; font-size: .85rem; }
 .stage:active { cursor: grabbing; } .stage canvas { display: block; }
 :focus-visible { outline: 3px solid var(--link); outline-offset: 2px; }
 .viewer-bar { display: flex; flex-wrap: wrap; gap: .5rem; align-items: center; margin-top: .5rem; }
-button { font: inherit; padding: .3rem .8rem; border: 1px solid #8888; border-radius: 6px; background:
-       var(--plate);
+button { font: inherit; padding: .3rem .8rem; border: 1px solid #8888; border-radius: 6px;
+         background: var(--plate);
          color: inherit; cursor: pointer; min-height: 2.5rem; }
 button[aria-pressed=true] { border-color: var(--link); box-shadow: inset 0 0 0 1px var(--link); }
 .alone header, .alone .rest { display: none; } .alone { margin: 0 auto; max-width: none; padding: .5rem; }

@@ -48,8 +48,8 @@ def test_a_text_file_has_a_prompt_a_line(tmp_path: Path) -> None:
         ("prompt: a\nclean: [{faces: 500}]\n", "lists"),
         ("seed: [1, 2]\n", "prompt is empty"),
         (
-            "prompt: a\nseed: [" + ", ".join(map(str, range(30_000))) + "]\n",
-            "30000 jobs, expected at most 20000",
+            f"prompt: a\nseed: {list(range(200))}\nclean: {{faces: {list(range(100, 300))}}}\n",
+            "40000 jobs, expected at most 20000",
         ),
         ("- a\n- b\n", "expected a mapping"),
     ],

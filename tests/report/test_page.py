@@ -111,7 +111,7 @@ def luminance(colour: str) -> float:
 
 def test_colours_have_the_contrast_of_aa() -> None:
     light, dark = (
-        dict(re.findall(r"--(\w+): (#\w+)", block)) for block in re.findall(r":root \{(.*?)\}", STYLE)[:2]
+        dict(re.findall(r"--(\w+): (#\w+)", block)) for block in re.findall(r"(?s):root \{(.*?)\}", STYLE)
     )
     for names in (light, {**light, **dark}):
         back = luminance(names["back"])
