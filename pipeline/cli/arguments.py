@@ -105,7 +105,8 @@ def _add_variables(parser: argparse.ArgumentParser, verb: Verb) -> None:
             dest=variable.name,
             metavar=variable.example if " " not in variable.example else variable.name,
             help=_escaped(variable.meaning),
-            **({"nargs": "?", "const": "1"} if variable.name in SWITCHES else {}),
+            nargs="?" if variable.name in SWITCHES else None,
+            const="1" if variable.name in SWITCHES else None,
         )
 
 

@@ -52,12 +52,10 @@ def read_sweep(path: Path, models: Path = MODELS) -> Sweep:
     if count > MOST:
         raise InputError(f"{path} asks for {count} jobs, expected at most {MOST}: make several sweeps of it")
     found: dict[str, Job] = {}
-    for values in itertools.product(*lists.values()):
-        options = {
-            name: dict(value) if isinstance(value, Mapping) else value for name, value in given.items()
-        }
-        for (*section, name), value in zip(lists, values, strict=True):
-            (options[section[0]] if section else options)[name] = value
+    for chosen in itertools.product(*lists.values()):
+        options = {n: dict(value) if isinstance(value, Mapping) else value for n, value in given.items()}
+        for (*section, key), one in zip(lists, chosen, strict=True):
+            (options[section[0]] if section else options)[key] = one
         try:
             job = resolve({}, models, options)
         except InputError as error:

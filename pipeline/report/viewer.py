@@ -1,14 +1,16 @@
 """The interactive viewer of the pages: three.js, which trimesh ships, and the script of ours beside it.
 
-Nothing is fetched: a page holds both as text. `tests/report/test_viewer.py` opens it in a browser.
+Nothing is fetched: a page holds both as text. `tests/server/test_browser.py` opens it in a browser.
 """
 
 import base64
 import functools
 import hashlib
+import io
+import zipfile
 from pathlib import Path
 
-from trimesh import resources, util
+from trimesh import resources
 
 SCRIPT = Path(__file__).with_name("viewer.js")
 _ARCHIVE, _MEMBER = "templates/viewer.zip", "viewer.html.template"
@@ -22,12 +24,12 @@ def three_js() -> str:
     Raises:
         RuntimeError: this version of trimesh ships it in another form.
     """
-    archive = util.decompress(resources.get_bytes(_ARCHIVE), file_type="zip")
-    text = archive[_MEMBER].read().decode("utf-8")
+    with zipfile.ZipFile(io.BytesIO(resources.get_bytes(_ARCHIVE))) as archive:
+        text = archive.read(_MEMBER).decode("utf-8")
     begin, end = text.find(_BEGIN), text.find(_END)
     if begin < 0 or end < 0:
         raise RuntimeError("trimesh ships three.js in another form: see pipeline/report/viewer.py")
-    return str(text[begin + len(_BEGIN) : end + len(_END)])
+    return text[begin + len(_BEGIN) : end + len(_END)]
 
 
 @functools.cache
