@@ -1,10 +1,12 @@
 # The front door. `make help` explains; everything else is in pipeline/.
 #
 # What a user writes is never executed: each variable below is taken as it stands (value), never expanded, and
-# reaches Python through the environment, so neither make nor the shell nor Snakemake reads it.
-USER_VARIABLES := PROMPT NEGATIVE MODEL SEED QUALITY JOB OUT THREADS PROFILE RUN SKETCH SIGMA_S MESH PARAM REFINE TOKEN ONLY PROVIDER \
-	IMAGES NAME CHECKPOINT STORAGE SHAPES GRADIENT PREDICTION VERIFY HOST PORT JOBS
-$(foreach name,$(USER_VARIABLES),$(eval override $(name) := $$(value $(name))))
+# reaches Python through the environment, so neither make nor the shell nor Snakemake reads it. It counts only on
+# the command line: what the environment calls TOKEN or MODEL may be a secret, and is no option of ours.
+USER_VARIABLES := PROMPT NEGATIVE MODEL SEED SEEDS QUALITY JOB OUT THREADS PROFILE RUN SKETCH SIGMA_S MESH PARAM START STRENGTH REFINE TOKEN ONLY PROVIDER \
+	IMAGES NAME CHECKPOINT STORAGE SHAPES GRADIENT PREDICTION MINUTES VERIFY HOST PORT JOBS
+$(foreach name,$(USER_VARIABLES),$(eval override $(name) := \
+	$(if $(findstring command line,$(origin $(name))),$$(value $(name)))))
 export $(USER_VARIABLES)
 UNKNOWN := $(filter-out $(USER_VARIABLES) PYTHON IN_VENV,$(foreach name,$(.VARIABLES),$(if $(findstring command line,$(origin $(name))),$(name))))
 # The word that is nearest to $(1) among $(2); what was written reaches the shell between single quotes.
@@ -15,9 +17,17 @@ meant = $(if $(nearest),: did you mean $(nearest)?,; there are: $(2))
 PYTHON ?= python3
 $(if $(UNKNOWN),$(error $(firstword $(UNKNOWN)) is no variable of this project$(call meant,$(firstword $(UNKNOWN)),$(USER_VARIABLES))))
 
+# The packages of one .venv load the code of one clone. Two clones that share it would run each other's.
+INSTALLED_FOR := $(file <.venv/.runtime)
+ifneq ($(filter-out $(CURDIR),$(INSTALLED_FOR)),)
+ifneq ($(filter-out help clean-venv,$(MAKECMDGOALS)),)
+$(error .venv is installed for the clone in $(INSTALLED_FOR), this one is $(CURDIR): make clean-venv, then the same again)
+endif
+endif
+
 MAKEFLAGS += --no-print-directory
 .DEFAULT_GOAL := help
-TARGETS := help options run plan verify models doctor serve gallery sweep dist export bench learn-token default-model test \
+TARGETS := help options run plan verify models doctor serve gallery sweep dist export bench learn-token default-model test fuzz \
 	clean-venv
 .PHONY: $(TARGETS)
 
@@ -80,17 +90,21 @@ test: .venv/.dev
 	$(IN_VENV) -m mypy
 	$(IN_VENV) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
+fuzz: .venv/.dev
+	@$(IN_VENV) -m tests.faults.fuzz
+
 clean-venv:
 	rm -rf .venv
 
 # A stamp a set of packages: made again when pyproject.toml changes, and after an installation that did not end.
+.venv/.runtime: export CLONE := $(CURDIR)
 .venv/.runtime: pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "error: $(PYTHON) is not Python 3.11 or newer: say PYTHON=python3.11" >&2; exit 2; }
 	@echo "installing into .venv (first use: a few minutes)" >&2
 	@test -x $(IN_VENV) || $(PYTHON) -m venv .venv
 	@$(IN_VENV) -m pip install --quiet --editable . >&2
-	@touch $@
+	@printf '%s\n' "$$CLONE" >$@
 
 .venv/.serve: .venv/.runtime pyproject.toml
 	@$(IN_VENV) -m pip install --quiet --editable '.[serve]' >&2

@@ -26,6 +26,7 @@ BY_NAME = {
     "default-model": "35 min",
     "distillation": "30 min",
     "guidance": "16 min",
+    "hand-over": "10 min",
     "latent-vs-rgb": "5 min",
     "learn-token": "16 min",
     "oracle-choices": "15 min",

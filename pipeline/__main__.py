@@ -14,12 +14,18 @@ from pathlib import Path
 from typing import NoReturn
 
 from pipeline.cli.arguments import make_parser, parse, variables_of_make
-from pipeline.errors import InputError
+from pipeline.errors import InputError, one_line
 from pipeline.files import refusal, write_text
 from pipeline.options import job as jobs
+from pipeline.options.hand_over import resolve_all
 from pipeline.options.schema import describe, short
 from pipeline.progress import duration
 from pipeline.run import engine
+from pipeline.run.costs import Cost
+from pipeline.run.failures import memory_limit
+from pipeline.run.folder import check_out
+from pipeline.run.sequence import plan_runs, run_jobs
+from pipeline.run.snakefiles import cache_folder
 from pipeline.run.verify import verify
 
 
@@ -30,22 +36,28 @@ def main(arguments: list[str], environment: Mapping[str, str]) -> int:
         if not verb:
             make_parser().print_help()
             return 0
-        status = COMMANDS[verb]({**variables_of_make(verb, environment), **given})
+        with cache_folder():
+            status = COMMANDS[verb]({**variables_of_make(verb, environment), **given})
         sys.stdout.flush()
         return status
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {one_line(str(error))}", file=sys.stderr)
+        return 2
+    except MemoryError:
+        print(
+            f"error: out of memory{memory_limit()}: close other programs, or lower QUALITY", file=sys.stderr
+        )
         return 2
     except BrokenPipeError:  # the reader of the output, head for one, has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except OSError as error:
         if refused := refusal(error):
-            print(f"error: {refused}", file=sys.stderr)
+            print(f"error: {one_line(str(refused))}", file=sys.stderr)
             return 2
         raise
     except engine.StageFailure as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {one_line(str(error))}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print("stopped; the same command goes on from here", file=sys.stderr)
@@ -53,24 +65,30 @@ def main(arguments: list[str], environment: Mapping[str, str]) -> int:
 
 
 def _run(environment: Mapping[str, str]) -> int:
-    job = jobs.resolve(environment)
-    run = engine.run_job(job, _out(environment), _threads(environment), environment.get("PROFILE") or "local")
+    out, profile = check_out(environment.get("OUT") or "runs"), environment.get("PROFILE") or "local"
+    run = run_jobs(resolve_all(environment, out), out, _threads(environment), profile)
     for name in engine.RESULTS:
         print(run / name)
     return 0
 
 
 def _plan(environment: Mapping[str, str]) -> int:
-    job, out = jobs.resolve(environment), _out(environment)
-    planned = engine.plan_run(job, out)
-    print(f"{out / jobs.run_name(job)}")
-    print(f"{'stage':<13} {'':<10} {'time':>9} {'memory':>8}  why")
-    for step, cost in planned:
-        time, memory = (
-            (duration(cost.seconds), f"{cost.memory_mb:.0f} MB") if step.verdict == "run" else ("", "")
-        )
-        print(f"{step.stage:<13} {step.verdict:<10} {time:>9} {memory:>8}  {step.reason}".rstrip())
-    costs = [cost for step, cost in planned if step.verdict == "run"]
+    out, profile = check_out(environment.get("OUT") or "runs"), environment.get("PROFILE") or "local"
+    _threads(environment)
+    costs: list[Cost] = []
+    chain = resolve_all(environment, out)
+    for job, planned in zip(chain, plan_runs(chain, out, profile), strict=True):
+        print(f"{out / jobs.run_name(job)}" + (f", with {job.model}" if len(chain) > 1 else ""))
+        print(f"{'stage':<13} {'':<10} {'time':>9} {'memory':>8}  why")
+        for step, cost in planned:
+            time, memory = (
+                (duration(cost.seconds), f"{cost.memory_mb:.0f} MB") if step.verdict == "run" else ("", "")
+            )
+            print(f"{step.stage:<13} {step.verdict:<10} {time:>9} {memory:>8}  {step.reason}".rstrip())
+        own = [cost for step, cost in planned if step.verdict == "run"]
+        if own and len(chain) > 1:
+            print(f"about {duration(sum(cost.seconds for cost in own))} with {job.model}\n")
+        costs += own
     if costs:
         total, peak = sum(cost.seconds for cost in costs), max(cost.memory_mb for cost in costs)
         print(
@@ -116,7 +134,7 @@ def _doctor(environment: Mapping[str, str]) -> int:
     from pipeline.cli import doctor
 
     threads = _threads(environment)
-    wrong = doctor.report(doctor.checks(_out(environment), threads), print)
+    wrong = doctor.report(doctor.checks(check_out(environment.get("OUT") or "runs"), threads), print)
     wrong += doctor.report(doctor.model_findings(), print)
     wrong += doctor.report(iter([doctor.self_test(threads)]), print)
     print("nothing is wrong" if not wrong else f"{wrong} wrong, with what to do after the arrows")
@@ -133,7 +151,7 @@ def _serve(environment: Mapping[str, str]) -> int:
     port = environment.get("PORT") or "8008"
     if not port.isdecimal() or int(port) > 65_535:
         raise InputError(f"PORT is {short(port)}, expected a whole number from 0 to 65535")
-    out, threads = _out(environment), _threads(environment)
+    out, threads = check_out(environment.get("OUT") or "runs"), _threads(environment)
     host, profile = environment.get("HOST") or "127.0.0.1", environment.get("PROFILE") or "local"
     serve(out, host, int(port), threads, profile, lambda line: print(line, flush=True))
     return 0
@@ -146,7 +164,7 @@ def _sweep(environment: Mapping[str, str]) -> int:
 
     if not environment.get("JOBS"):
         raise InputError("JOBS is empty: name a file with prompts, for example make sweep JOBS=sweep.yaml")
-    path, out = Path(environment["JOBS"]), _out(environment)
+    path, out = Path(environment["JOBS"]), check_out(environment.get("OUT") or "runs")
     threads, profile = _threads(environment), environment.get("PROFILE") or "local"
     sweep = read_sweep(path)
     folder = sweep_folder(out, sweep.jobs, path.stem)
@@ -163,7 +181,7 @@ def _sweep(environment: Mapping[str, str]) -> int:
 def _gallery(environment: Mapping[str, str]) -> int:
     from pipeline.report import gallery
 
-    out = _out(environment)
+    out = check_out(environment.get("OUT") or "runs")
     runs = gallery.find_runs(out)
     if not runs:
         raise InputError(f"{out} holds no finished run: make one first, or say OUT=folder")
@@ -196,21 +214,6 @@ def _with_extra(module: str, needed: str, environment: Mapping[str, str]) -> int
     return subprocess.call([sys.executable, "-m", module], env={**os.environ, **environment})
 
 
-def _out(environment: Mapping[str, str]) -> Path:
-    text = environment.get("OUT") or "runs"
-    otherwise = "choose another folder with OUT="
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        raise InputError(f"OUT is {text!r}, expected a path in UTF-8: {otherwise}") from None
-    nearest = next(path for path in (Path(text).absolute(), *Path(text).absolute().parents) if path.exists())
-    if not nearest.is_dir():
-        raise InputError(f"OUT is {text!r}, but {nearest} is a file: {otherwise}")
-    if not os.access(nearest, os.W_OK):
-        raise InputError(f"OUT is {text!r}, but {nearest} cannot be written to: {otherwise}")
-    return Path(text)
-
-
 def _threads(environment: Mapping[str, str]) -> int:
     """Return the threads of a stage: all cores this process may use, unless THREADS says otherwise."""
     text = environment.get("THREADS", "")
@@ -239,6 +242,7 @@ COMMANDS = {
 
 def console() -> NoReturn:
     """Be the program `latent-nerf`: what it is told, it is told on its command line alone."""
+    sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # a terminal of LANG=C
     _end(main(sys.argv[1:], {}))
 
 
@@ -248,4 +252,5 @@ def _end(status: int) -> NoReturn:
 
 
 if __name__ == "__main__":
+    sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # a terminal of LANG=C
     _end(main(sys.argv[1:], os.environ))

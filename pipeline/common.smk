@@ -36,9 +36,18 @@ def given_files(name):
     Snakemake, which would take braces in a path for wildcards; the plan looks at their contents, and has the
     stage run when these changed."""
     path = unquote(config[name])
-    given = {name: path} | {f"buffer{i}": buffer for i, buffer in enumerate(buffer_files(Path(path)))}
-    arguments = [f"--input={label}={relative(file)}" for label, file in given.items()]
+    return given({name: path} | {f"buffer{i}": buffer for i, buffer in enumerate(buffer_files(Path(path)))})
+
+
+def given(files):
+    arguments = [f"--input={label}={relative(file)}" for label, file in files.items()]
     return lambda wildcards: arguments
+
+
+def start_files():
+    """Return the parameter that names the files of what START names."""
+    named = (part.partition("=") for part in str(config["start"]).split(","))
+    return given({label: unquote(path) for label, _, path in named})
 
 
 PYTHON = sys.executable

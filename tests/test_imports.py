@@ -63,6 +63,7 @@ ROOMS = [
     ["mesh"],
     ["options"],
     ["kernels"],
+    ["documents"],
     ["arrays", "cameras", "files", "progress"],
     ["errors"],
 ]

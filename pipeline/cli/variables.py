@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 HELP = Path(__file__).parents[1] / "help.txt"
-CLONE_ONLY = frozenset({"bench", "default-model", "dist", "test", "clean-venv"})
+CLONE_ONLY = frozenset({"bench", "default-model", "dist", "test", "fuzz", "clean-venv"})
 """Targets of make that work on the repository itself: an installed program has no verb for them."""
 EVERYWHERE = ("OUT", "THREADS", "PROFILE")
 """Of those that `run` takes, what other verbs may take too, where their section's head names them."""

@@ -16,11 +16,10 @@ import trimesh
 from jaxtyping import Float, Int
 
 from pipeline.errors import InputError
-from pipeline.mesh.file_checks import check_gltf, check_ply
+from pipeline.mesh.file_checks import check_file
 from pipeline.mesh.mesh import Mesh, check_mesh
 from pipeline.mesh.obj_reader import parse_obj
 
-FORMATS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 MOST_FACES = 5_000_000
 LEAST_EXTENT, MOST_EXTENT = 1e-30, 1e30
 """Beyond these the asset's float32 positions would run out of range."""
@@ -50,14 +49,8 @@ def read_mesh(path: Path) -> InputMesh:
         InputError: no such file, another format, unreadable, no faces, NaN or infinite vertices, indices out
             of range, no extent.
     """
-    if not path.is_file():
-        raise InputError(f"{path} does not exist or is no file: give the path of a mesh")
+    check_file(path)
     suffix = path.suffix.lower()
-    if suffix not in FORMATS:
-        raise InputError(
-            f"{path}: the ending is {suffix or 'missing'}, expected one of {' '.join(FORMATS)}; "
-            "export the mesh in one of these formats"
-        )
     mesh = _read_obj(path) if suffix == ".obj" else _read_other(path, suffix)
     return _check(mesh, path)
 
@@ -83,10 +76,6 @@ def _read_obj(path: Path) -> InputMesh:
 
 def _read_other(path: Path, suffix: str) -> InputMesh:
     """Read with trimesh what is left after the checks that it lacks."""
-    if suffix == ".ply":
-        check_ply(path)
-    elif suffix in (".glb", ".gltf"):
-        check_gltf(path)
     try:
         scene = trimesh.load_scene(path, file_type=suffix[1:], process=False, validate=False)
         order = {name: row for row, name in enumerate(scene.geometry)}

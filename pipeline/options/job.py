@@ -2,16 +2,15 @@
 
 A job is resolved from, in rising order of precedence: the defaults below (the paper's values where it gives
 them), the quality table, the ``distillation`` section of the model's bundle.json, the YAML file named by
-JOB, and the environment variables PROMPT, NEGATIVE, TOKEN, MODEL, SEED, QUALITY, SKETCH, SIGMA_S,
-REFINE, MESH, PARAM, PROVIDER. The resolved job is complete: it is what a run's job.yaml holds, and its hash
-names the run's folder.
+JOB, and the environment variables PROMPT, NEGATIVE, TOKEN, MODEL, SEED, SEEDS, QUALITY, SKETCH, SIGMA_S,
+REFINE, MESH, PARAM, START, STRENGTH and PROVIDER. The resolved job is complete: it is what a run's job.yaml
+holds, and its hash names the run's folder.
 
 This module is imported before anything runs, so it imports nothing heavy.
 """
 
 import hashlib
 import json
-import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -20,17 +19,19 @@ from typing import Any, Literal
 
 import yaml
 
+from pipeline.documents import read_json
 from pipeline.errors import InputError
 from pipeline.options.asset import Bake, Clean, Extract, Publish, Unwrap
 from pipeline.options.distillation import Distillation
-from pipeline.options.nerf import Refinement, SketchField, TrainNerf
+from pipeline.options.models import DEFAULT_MODEL as DEFAULT_MODEL
+from pipeline.options.models import MODELS as MODELS
+from pipeline.options.models import bundle_folder as bundle_folder
+from pipeline.options.models import known_models as known_models
+from pipeline.options.models import new_models as new_models
+from pipeline.options.nerf import Contest, Refinement, SketchField, TrainNerf
 from pipeline.options.paint import BakePaint, Prepare, TrainPaint
 from pipeline.options.schema import build, check, check_text, option, plain, read_yaml, short
-
-_CLONED, _INSTALLED = (Path(__file__).resolve().parents[level] / "onnx_models" for level in (2, 1))
-MODELS = _CLONED if (_CLONED.parent / "pyproject.toml").is_file() else _INSTALLED
-"""Of the clone; of an installed wheel, which carries the default model."""
-DEFAULT_MODEL = "everyday-objects"
+from pipeline.options.start import StartFit, check_start, lasting
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,8 @@ class Job:
     token: str = option("", "textual inversion: files of learned tokens in the prompt, commas between them")
     model: str = option(DEFAULT_MODEL, "a folder under onnx_models/, or a path to one")
     seed: int = option(0, "seed of every random number", 0, 2**32 - 1)
+    seeds: int = option(1, "so many seeds, from `seed` on, begin; the best one goes on", 1, 64)
+    contest: Contest = field(default_factory=Contest)
     provider: Literal["cpu", "cuda", "tensorrt", "rocm", "migraphx", "openvino", "dml", "coreml"] = option(
         "cpu", "what onnxruntime runs the model on"
     )
@@ -54,6 +57,13 @@ class Job:
     param: Literal["texture", "face"] = option(
         "texture", "how a mesh is painted: with a texture, or with one colour a face (no texture coordinates)"
     )
+    start: str = option(
+        "", "what to go on from: the folder of a run, or a textured mesh; empty: from nothing"
+    )
+    strength: float = option(
+        0.5, "how far to go from the start: the noise level that distillation sets out from", 0.01, 1
+    )
+    start_fit: StartFit = field(default_factory=StartFit)
     train_nerf: TrainNerf = field(default_factory=TrainNerf)
     extract: Extract = field(default_factory=Extract)
     clean: Clean = field(default_factory=Clean)
@@ -66,7 +76,7 @@ class Job:
 
     def __post_init__(self) -> None:
         check(self)
-        for name in ("prompt", "negative", "token", "sketch", "mesh"):
+        for name in ("prompt", "negative", "token", "sketch", "mesh", "start"):
             check_text(name, getattr(self, name))
         if not self.prompt.strip():
             raise InputError(
@@ -107,10 +117,24 @@ QUALITY: dict[str, dict[str, dict[str, Any]]] = {
 }
 
 
+# What a model takes over: calls are what the hand-over saves, optimiser steps cost less. Oracles (`make bench
+# ONLY=hand-over`), 50 calls from a blurred start: a ball 31.4, 31.4 and 31.7 dB with 2, 4 and 6 steps a call,
+# a chair of boxes 29.9, 29.8 and 30.1; 12 are no better than 6.
+HAND_OVER: dict[str, dict[str, Any]] = {"start_fit": {"updates_per_call": 6}}
+
+
+PLAIN = ["PROMPT", "NEGATIVE", "TOKEN", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM", "START", "PROVIDER"]
+"""Variables that are taken as they stand."""
+
+
 def resolve(
-    environment: Mapping[str, str], models: Path = MODELS, options: Mapping[str, Any] | None = None
+    environment: Mapping[str, str],
+    models: Path = MODELS,
+    coming: str = "",
+    options: Mapping[str, Any] | None = None,
 ) -> Job:
     """Return the complete job that the environment asks for (an empty variable counts as not given).
+    `coming` is a START that another model will have made before: it need not be there.
 
     `options`: keys of a job file that win over the file, and the environment over them.
 
@@ -120,24 +144,24 @@ def resolve(
     given: dict[str, Any] = read_yaml(Path(environment["JOB"])) if environment.get("JOB") else {}
     given |= options or {}
     written = given.get("quality")
-    plain = ("PROMPT", "NEGATIVE", "TOKEN", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM", "PROVIDER")
-    for variable in plain:
-        if environment.get(variable):
-            given[variable.lower()] = environment[variable]
-    if environment.get("SEED"):
-        given["seed"] = _parse_seed(environment["SEED"])
-    if environment.get("REFINE"):
-        given["refine"] = _parse_switch("REFINE", environment["REFINE"])
-    if environment.get("SIGMA_S"):
-        section = given.get("train_nerf") or {}
-        if isinstance(section, dict):  # if not, `build` says so
-            given["train_nerf"] = {**section, "sigma_s": _parse_sigma(environment["SIGMA_S"])}
+    variables = _variables(environment)
+    section = given.get("train_nerf") or {}
+    if "train_nerf" in variables:  # what is no section, `build` names
+        variables["train_nerf"] = (
+            {**section, **variables["train_nerf"]} if isinstance(section, dict) else section
+        )
+    given |= variables
     # Everything the user can get wrong is named before the layers below it are merged in.
     asked = build(Job, given, environment.get("JOB") or "")
     if asked.sketch and asked.mesh:
         raise InputError(
             "SKETCH and MESH are given: a sketch guides a new shape, a mesh is painted as it is; "
             "leave one out"
+        )
+    if asked.seeds > 1 and (asked.mesh or asked.start):
+        raise InputError(
+            f"SEEDS is {asked.seeds} and {'MESH' if asked.mesh else 'START'} is given: seeds differ in the "
+            "shape that they find from nothing; leave SEEDS out, or the other"
         )
     if environment.get("SIGMA_S") and not asked.sketch:
         raise InputError("SIGMA_S is given, but no sketch that it could act on: say SKETCH=file too")
@@ -154,7 +178,15 @@ def resolve(
         raise InputError(f"MESH {short(asked.mesh)} does not exist or is no file: give the path of a mesh")
     if environment.get("PARAM") and not asked.mesh:
         raise InputError("PARAM is given without MESH: it chooses how a given mesh is painted")
+    if asked.start and asked.start != coming:
+        check_start(asked.start)
+    if environment.get("STRENGTH") and not asked.start:
+        raise InputError("STRENGTH is given, but no START that it could act on: say START=run or mesh too")
+    for name in ("start", "mesh", "sketch"):
+        if path := getattr(asked, name):
+            given[name] = lasting(path)
     bundle = _bundle_options(bundle_folder(asked.model, models))
+    bundle = {**bundle, **(HAND_OVER if coming else {})}
     job = _merge([QUALITY[asked.quality], bundle, given], environment.get("JOB") or "")
     if isinstance(written, str) and written in QUALITY and written != asked.quality:
         before = _merge([QUALITY[written], bundle, given], environment.get("JOB") or "")
@@ -165,6 +197,30 @@ def resolve(
                 "and the other variables instead of JOB"
             )
     return job
+
+
+def _variables(environment: Mapping[str, str]) -> dict[str, Any]:
+    """Return what the variables say of the job; an error names the variable, not the file that it goes
+    before."""
+    found: dict[str, Any] = {}
+    for variable in PLAIN:
+        if environment.get(variable):
+            found[variable.lower()] = environment[variable]
+    for variable in ("SEED", "SEEDS"):
+        if environment.get(variable):
+            found[variable.lower()] = _parse_whole(variable, environment[variable])
+    if environment.get("STRENGTH"):
+        found["strength"] = _parse_number("STRENGTH", environment["STRENGTH"])
+    if environment.get("REFINE"):
+        found["refine"] = _parse_switch("REFINE", environment["REFINE"])
+    if environment.get("SIGMA_S"):
+        found["train_nerf"] = {"sigma_s": _parse_number("SIGMA_S", environment["SIGMA_S"])}
+    try:
+        build(Job, {"prompt": "x", **found})
+    except InputError as error:
+        name, _, rest = str(error).partition(" ")
+        raise InputError(f"{name.removeprefix('train_nerf.').upper()} {rest}") from None
+    return found
 
 
 def _merge(layers: Sequence[Mapping[str, Any]], file: str) -> Job:
@@ -181,47 +237,6 @@ def token_files(given: str) -> list[Path]:
     if not given.strip() or Path(given).is_file():
         return [Path(given)] if given.strip() else []
     return [Path(part.strip()) for part in given.split(",") if part.strip()]
-
-
-def new_models() -> Path:
-    """Return the folder that exported and downloaded models go to: of the clone, or of the user where the
-    program is installed (there it is nobody's to write to)."""
-    if given := os.environ.get("LATENT_NERF_MODELS"):
-        return Path(given).absolute()
-    if MODELS == _CLONED:
-        return MODELS
-    data = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
-    return Path(data).absolute() / "latent-nerf" / "onnx_models"
-
-
-def known_models(models: Path = MODELS) -> dict[str, Path]:
-    """Return the folder of every model by name: those in `models`, then those of `new_models`."""
-    found: dict[str, Path] = {}
-    for place in dict.fromkeys([models, new_models()]):
-        entries = sorted(place.iterdir()) if place.is_dir() else []
-        # A hidden folder is an export that has not ended.
-        found |= {e.name: e for e in entries if e.is_dir() and e.name[0] != "." and e.name not in found}
-    return found
-
-
-def bundle_folder(model: str, models: Path = MODELS) -> Path:
-    """Return the absolute folder of a model: a name (see `known_models`), or a path (anything with a
-    separator).
-
-    Raises:
-        InputError: there is no such folder; the text lists those there are, and says where more go.
-    """
-    known = known_models(models)
-    if "/" in model or os.sep in model:
-        folder = Path(model).absolute()
-    else:
-        folder = known.get(model, models / model).absolute()
-    if model in ("", ".", "..") or not folder.is_dir():
-        raise InputError(
-            f"MODEL {model!r} does not exist; there are: {', '.join(known) or 'none'}; "
-            f"a model's folder goes to {new_models()}, or is given as a path with a slash"
-        )
-    return folder
 
 
 def to_yaml(job: Job) -> str:
@@ -249,9 +264,10 @@ def run_name(job: Job) -> str:
     return f"{slug or 'prompt'}-{digest[:10]}"
 
 
-def _parse_seed(text: str) -> int:
+def _parse_whole(name: str, text: str) -> int:
     if not re.fullmatch(r"[+-]?\d{1,20}", text.strip(), flags=re.ASCII):
-        raise InputError(f"SEED is {short(text)}, expected a whole number from 0 to {2**32 - 1}")
+        most = {"SEED": f"0 to {2**32 - 1}", "SEEDS": "1 to 64"}[name]
+        raise InputError(f"{name} is {short(text)}, expected a whole number from {most}")
     return int(text)
 
 
@@ -261,11 +277,11 @@ def _parse_switch(name: str, text: str) -> bool:
     return text == "1"
 
 
-def _parse_sigma(text: str) -> float:
+def _parse_number(name: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise InputError(f"SIGMA_S is {short(text)}, expected a number such as 0.3") from None
+        raise InputError(f"{name} is {short(text)}, expected a number such as 0.3") from None
 
 
 def _bundle_options(folder: Path) -> dict[str, Any]:
@@ -278,11 +294,11 @@ def _bundle_options(folder: Path) -> dict[str, Any]:
     if not path.exists():
         return {}
     try:
-        described = json.loads(path.read_text(encoding="utf-8"))
+        described = read_json(path, "fetch or export the bundle again")
         options, painting, refinement = (
             {**described.get(name, {})} for name in ("distillation", "painting", "refinement")
         )
-    except (OSError, ValueError, AttributeError, TypeError) as error:
+    except (AttributeError, TypeError) as error:
         raise InputError(
             f"{path} is not a bundle description: {error}; fetch or export the bundle again"
         ) from None

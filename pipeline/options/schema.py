@@ -18,8 +18,11 @@ from typing import Any, Literal, TypeVar
 import yaml
 
 from pipeline.errors import InputError
+from pipeline.files import read_at_most
 
 T = TypeVar("T")
+MOST_YAML = 2**20
+"""A job, with every option written out, takes three kilobytes [bytes]."""
 
 LINE = 110
 """Of what `describe` writes [characters]."""
@@ -86,8 +89,11 @@ def read_yaml(path: Path) -> dict[str, Any]:
     Raises:
         InputError: the file is absent, is not YAML, has a key twice, or holds no mapping.
     """
+    if not path.exists():
+        raise InputError(f"{path} does not exist: give the path of a YAML file")
     try:
-        value = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)  # noqa: TID251 (a SafeLoader)
+        text = read_at_most(path, MOST_YAML).decode("utf-8")
+        value = yaml.load(text, Loader=_Loader)  # noqa: TID251 (a SafeLoader)
     except (yaml.YAMLError, ValueError) as error:  # a number or date that is none, bytes that are no UTF-8
         raise InputError(f"{path} is not plain YAML: {' '.join(str(error).split())}") from None
     except OSError as error:

@@ -57,7 +57,7 @@ def read_sweep(path: Path, models: Path = MODELS) -> Sweep:
         for (*section, key), one in zip(lists, chosen, strict=True):
             (options[section[0]] if section else options)[key] = one
         try:
-            job = resolve({}, models, options)
+            job = resolve({}, models, options=options)
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
         found.setdefault(run_name(job), job)

@@ -10,6 +10,7 @@ from typing import Any
 
 from pipeline.report.unneeded import unneeded
 from pipeline.report.viewer import inline, policy, scripts
+from pipeline.run.start_files import spent
 
 STYLE = """
 :root { color-scheme: light dark; --line: #8884; --dim: #5c5c5c; --link: #0b57b0; --back: #fff;
@@ -78,6 +79,8 @@ class Page:
     links: list[tuple[str, str, int | None]]
     """Files of the run: path relative to the page, what it is, bytes (None: not written yet)."""
     job_yaml: str
+    contest_png: bytes | None = None
+    """A row of views for each seed; None: there was one."""
 
 
 def render(page: Page) -> str:
@@ -100,6 +103,8 @@ def render(page: Page) -> str:
         "<h2>Stages</h2>",
         _stages(page.entries),
         *(_shares(entry) for entry in page.entries),
+        *_contest(page),
+        *_before(page),
         "<h2>Left out, since this scene does not need it</h2>",
         f"<ul>{''.join(f'<li>{html.escape(line)}</li>' for line in unneeded(page.entries))}</ul>",
         "<h2>Figures</h2>",
@@ -148,6 +153,41 @@ def _stages(entries: list[dict[str, Any]]) -> str:
     return _table(("stage", "seconds", "peak MB", "taken from"), rows, numeric=frozenset({1, 2}))
 
 
+def _contest(page: Page) -> list[str]:
+    """Return the sheet of the seeds that began, and how well each agreed with the text."""
+    entry = next((entry for entry in page.entries if entry["stage"] == "contest"), None)
+    if entry is None or page.contest_png is None:
+        return []
+    metrics = entry["metrics"]
+    rows = [
+        (
+            seed,
+            f"{row['score']:.4f}",
+            f"{row['loss_told']:.4f}",
+            f"{row['loss_untold']:.4f}",
+            "goes on" if seed == str(metrics["chosen_seed"]) else "",
+        )
+        for seed, row in metrics["scores"].items()
+    ]
+    heads = ("seed", "score", "loss with the text", "loss without", "")
+    return [
+        "<h2>Seeds</h2>",
+        f'<img alt="a row of views for each seed" src="{_inline("image/png", page.contest_png)}">',
+        _table(heads, rows, numeric=frozenset({1, 2, 3})),
+    ]
+
+
+def _before(page: Page) -> list[str]:
+    """Return what was spent on each run that this one started from, and on this one."""
+    earlier = [row for entry in page.entries for row in entry["metrics"].get("before", ())]
+    if not earlier:
+        return []
+    rows = [*earlier, spent("this run", page.facts["model"], page.entries)]
+    heads = ("run", "model", "calls of its denoiser", "seconds of training", "seconds in all")
+    cells = [tuple(html.escape(str(value)) for value in row.values()) for row in rows]
+    return ["<h2>What each model spent</h2>", _table(heads, cells, numeric=frozenset({2, 3, 4}))]
+
+
 def _shares(entry: dict[str, Any]) -> str:
     """Say where a stage's time went, as a bar."""
     name, metrics = html.escape(entry["stage"]), entry["metrics"]
@@ -165,7 +205,7 @@ def _figures(entry: dict[str, Any]) -> str:
     rows = [
         (html.escape(name.replace("_", " ")), html.escape(_value(value)))
         for name, value in entry["metrics"].items()
-        if name != "warnings"
+        if name not in ("warnings", "before", "scores")
     ]
     table = _table(("figure", "value"), rows)
     return f"<details><summary>{html.escape(entry['stage'])}</summary>{table}</details>"

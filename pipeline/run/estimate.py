@@ -3,8 +3,11 @@
 The constants are of one machine (see `costs`). Others: their pace tells.
 """
 
+import contextlib
+import resource
 import time
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 
 import numpy as np
 
@@ -62,10 +65,16 @@ def price(job: Job, bundle: Bundle, stages: Iterable[str], pace: float) -> dict[
 
 
 def available_memory_mb() -> float | None:
-    """Return the memory that programs can still take [MiB], or None where the system does not say."""
-    try:
-        with open("/proc/meminfo", encoding="ascii") as lines:
-            figures = dict(line.split(":", 1) for line in lines)
-        return int(figures["MemAvailable"].split()[0]) / 1024
-    except (OSError, KeyError, ValueError, IndexError):
-        return None
+    """Return the memory that a stage can take [MiB]: what is free, and what a limit of this process (ulimit
+    -v) or of its container leaves; None where the system says nothing."""
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    found = [limit / 2**20] if limit != resource.RLIM_INFINITY else []
+    with contextlib.suppress(OSError, KeyError, ValueError, IndexError):
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+        figures = dict(line.split(":", 1) for line in lines)
+        found.append(int(figures["MemAvailable"].split()[0]) / 1024)
+    with contextlib.suppress(OSError, ValueError):  # "max" is no limit
+        group = Path("/sys/fs/cgroup")
+        most, now = (int((group / f"memory.{name}").read_text()) for name in ("max", "current"))
+        found.append((most - now) / 2**20)
+    return min(found, default=None)

@@ -17,9 +17,11 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
-from pipeline.options.schema import read_yaml
+from pipeline.files import create
 from pipeline.progress import TOLD, say
 from pipeline.run import staleness
+from pipeline.run.admission import executor_of
+from pipeline.run.folder import remove_socket
 from pipeline.run.stage import FOLLOW_PARENT, die_with_parent
 from pipeline.run.stage_server import ADDRESS, GRACE
 
@@ -72,7 +74,7 @@ def run_snakemake(
         KeyboardInterrupt: Ctrl-C, SIGTERM or SIGHUP; the stages here have been ended, jobs of a cluster
             cancelled.
     """
-    here = runs_here(profile)
+    here = executor_of(profile) == "local"
     common = [
         *("--snakefile", str(snakefile), "--directory", str(folder), "--profile", str(profile)),
         # What a stage here has to say, it says itself; of a job elsewhere the log is all there is.
@@ -97,23 +99,29 @@ def run_snakemake(
         finally:
             if not ended:
                 if not here:
-                    _cancelled(process, logs / "snakemake.log")
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(process, signal.SIGKILL)
-                with contextlib.suppress(ChildProcessError):
-                    os.waitpid(process, 0)
+                    say("cancelling the jobs on the cluster ...")
+                end_snakemake(process, 0 if here else CANCEL)
+                if not here:
+                    _call_off(logs / "snakemake.log")
 
 
-def _cancelled(process: int, log: Path) -> None:
-    """Have Snakemake cancel the jobs that it has on a cluster, as Ctrl-C does, and wait for that."""
-    say("cancelling the jobs on the cluster ...")
-    with contextlib.suppress(ProcessLookupError, ChildProcessError, KeyboardInterrupt):
+def end_snakemake(process: int, patience: float) -> None:
+    """End Snakemake; `patience` seconds are for calling off the jobs that it has on a cluster, which would
+    go on and write where the next run does."""
+    if patience:
         os.kill(process, signal.SIGINT)
-        deadline = time.monotonic() + CANCEL
-        while time.monotonic() < deadline and not os.waitpid(process, os.WNOHANG)[0]:
-            time.sleep(0.1)
-    # The executor forgets its jobs while it asks for their state, and an interrupt that comes then cancels
-    # none.
+        until = time.monotonic() + patience
+        while time.monotonic() < until:
+            if os.waitpid(process, os.WNOHANG)[0]:
+                return
+            time.sleep(0.05)
+    os.kill(process, signal.SIGKILL)
+    os.waitpid(process, 0)
+
+
+def _call_off(log: Path) -> None:
+    """Call off the jobs that Snakemake's log names: its executor forgets them while it asks for their state,
+    and an interrupt that comes then cancels none."""
     with contextlib.suppress(OSError, subprocess.TimeoutExpired):
         if jobs := re.findall(r"SLURM jobid (\d+)", log.read_text(encoding="utf-8", errors="replace")):
             subprocess.run(["scancel", "--quiet", *jobs], timeout=CANCEL, check=False, capture_output=True)
@@ -162,9 +170,9 @@ def _become_snakemake(arguments: list[str], log: Path, variables: Mapping[str, s
             if signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, signal.SIG_DFL)
         # A stage's progress is its standard output; the rest is Snakemake's and goes to the log.
-        written = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+        written = create(log)
         nothing = os.open(os.devnull, os.O_RDONLY)
-        for standard, descriptor in enumerate((nothing, _standard_error(), written)):
+        for standard, descriptor in enumerate((nothing, _standard_error(), written.fileno())):
             os.dup2(descriptor, standard)
         sys.stdin, sys.stdout, sys.stderr = (
             os.fdopen(standard, mode, closefd=False) for standard, mode in enumerate("rww")
@@ -193,11 +201,6 @@ def _standard_error() -> int:
         return 2
 
 
-def runs_here(profile: Path) -> bool:
-    """Say whether a profile has stages run on this machine."""
-    return bool(read_yaml(profile / "config.yaml").get("executor", "local") == "local")
-
-
 @contextlib.contextmanager
 def warm(stages: Sequence[str], folder: Path, profile: Path, threads: int) -> Iterator[dict[str, str]]:
     """Have `pipeline.run.stage_server` serve stages meanwhile; give the environment to call them in: the
@@ -205,11 +208,11 @@ def warm(stages: Sequence[str], folder: Path, profile: Path, threads: int) -> It
     variables = environment(threads, os.environ)
     cold = {name: value for name, value in variables.items() if name != ADDRESS}
     # Elsewhere nothing would end the stages of a killed server.
-    if not runs_here(profile) or sys.platform != "linux":
-        yield cold if runs_here(profile) else {**cold, TOLD: PROGRESS}
+    if executor_of(profile) != "local" or sys.platform != "linux":
+        yield cold if executor_of(profile) == "local" else {**cold, TOLD: PROGRESS}
         return
     address = folder / ".warm"
-    address.unlink(missing_ok=True)
+    remove_socket(address)
     server = subprocess.Popen(
         # Both ends name the socket from inside the run's folder: a longer path may not fit its address.
         [sys.executable, "-m", "pipeline.run.stage_server", "--serve", address.name, *stages],
@@ -229,7 +232,7 @@ def warm(stages: Sequence[str], folder: Path, profile: Path, threads: int) -> It
         except subprocess.TimeoutExpired:
             server.kill()
             server.wait()
-        address.unlink(missing_ok=True)
+        remove_socket(address)
 
 
 @contextlib.contextmanager

@@ -15,12 +15,14 @@ from pipeline.files import write_text
 from pipeline.options import job as jobs
 from pipeline.options.job import Job
 from pipeline.progress import duration, say
-from pipeline.run import engine
+from pipeline.run.admission import check_job, executor_of, profile_folder
 from pipeline.run.chain import STAGES, stage_options
 from pipeline.run.estimate import machine_pace, price
+from pipeline.run.failures import failure
+from pipeline.run.folder import check_places, locked, point_latest
 from pipeline.run.plan import make_plan
 from pipeline.run.snakefiles import Link, read_chain, snakemake_config
-from pipeline.run.snakemake_process import PROGRESS, run_snakemake, runs_here, warm
+from pipeline.run.snakemake_process import PROGRESS, run_snakemake, warm
 from pipeline.run.stage_server import ADDRESS
 
 SNAKEFILE = Path(__file__).parents[1] / "Snakefile.sweep"
@@ -56,15 +58,17 @@ def run_sweep(wanted: Sequence[Job], out: Path, folder: Path, threads: int, prof
         InputError: something the user can mend, before anything has run; another run has one of the folders.
         KeyboardInterrupt: stopped; the same command goes on from here.
     """
-    settings = engine.profile_folder(profile)
+    settings = profile_folder(profile)
     for model in dict.fromkeys(job.model for job in wanted):
         open_bundle(jobs.bundle_folder(model))
+    for job in wanted:
+        check_job(job)
     runs = {job: out / jobs.run_name(job) for job in wanted}
     _allow_files(len(runs))
     with contextlib.ExitStack() as stack:
         for run in runs.values():
-            stack.enter_context(engine.locked(run))
-        here = runs_here(settings)
+            stack.enter_context(locked(run))
+        here = executor_of(settings) == "local"
         rules, stale = _rules(runs, out, here)
         if not rules:
             say(f"nothing to do: every file of {len(runs)} runs is as it was made")
@@ -88,9 +92,11 @@ def run_sweep(wanted: Sequence[Job], out: Path, folder: Path, threads: int, prof
                 stale = _rules(runs, out, here)[1]
             else:
                 stale = {}
-    outcomes = [Outcome(job, run, _reason(run, folder) if job in stale else "") for job, run in runs.items()]
+    outcomes = [
+        Outcome(job, run, _reason(job, run, folder) if job in stale else "") for job, run in runs.items()
+    ]
     if made := [outcome.run for outcome in outcomes if not outcome.reason]:
-        engine.point_latest(made[-1])
+        point_latest(made[-1])
     return outcomes
 
 
@@ -129,6 +135,7 @@ def _rules(runs: dict[Job, Path], out: Path, here: bool) -> tuple[list[dict[str,
         if alike not in chains:
             chains[alike] = read_chain(job, run)
         chain = chains[alike]
+        check_places(run, [path for link in chain for path in link.outputs.values()])
         verdicts = {step.stage: step.verdict for step in make_plan(job, run, chain)}
         maker = {path: link.stage for link in chain for path in _made(link)}
         signatures: dict[str, str] = {}
@@ -178,7 +185,7 @@ def _signature(job: Job, link: Link, maker: dict[str, str], signatures: dict[str
 def _announce(runs: dict[Job, Path], stale: dict[Job, list[str]], profile: Path) -> None:
     stages = sum(map(len, stale.values()))
     line = f"making {len(stale)} of {len(runs)} runs, {stages} stages"
-    if runs_here(profile):
+    if executor_of(profile) == "local":
         pace, seconds = machine_pace(), 0.0
         for job, names in stale.items():
             bundle = open_bundle(jobs.bundle_folder(job.model), verify=False)
@@ -187,8 +194,8 @@ def _announce(runs: dict[Job, Path], stale: dict[Job, list[str]], profile: Path)
     say(line)
 
 
-def _reason(run: Path, folder: Path) -> str:
+def _reason(job: Job, run: Path, folder: Path) -> str:
     """Return why a run has no asset: what a stage left, or where to look."""
     if list((run / "stages").glob("*.error")):
-        return str(engine.failure(run))
+        return str(failure(job, run))
     return f"it was not made; see {run}/logs/ and {folder}/logs/, then give the same command again"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.diffusion.decoding import view_resolution
+from pipeline.diffusion.decoding import view_resolution, views_to_decode
 from pipeline.diffusion.sessions import vae_decoder
 from pipeline.mesh.baking import MARGIN, bake_cameras, bake_texture
 from pipeline.mesh.mesh import bounding_radius, read_obj
@@ -25,14 +25,18 @@ def main(context: Context) -> None:
     options = context.job.bake
     mesh = read_obj(context.inputs["mesh"])
     scene = load_scene(context.inputs["scene"])
-    cameras = bake_cameras(options.views, bounding_radius(mesh))
+    description = context.inputs.get("description")
+    count = options.views
+    if scene.rgb is None:
+        count = views_to_decode(options.views, options.large_views, description)
+    cameras = bake_cameras(count, bounding_radius(mesh))
     with Progress("bake", len(cameras), "views") as progress:
         if scene.rgb is not None:
-            pixels = PIXELS_PER_LATENT * view_resolution(context.inputs.get("description"))
+            pixels = PIXELS_PER_LATENT * view_resolution(description)
             resolution = options.view_resolution or pixels
             pictures = rgb_views(scene, cameras, resolution)
         else:
-            resolution = options.view_resolution or view_resolution(context.inputs.get("description"))
+            resolution = options.view_resolution or view_resolution(description)
             with vae_decoder(context.inputs["vae_decoder"], provider=context.job.provider) as decode:
                 pictures = decoded_views(scene, cameras, resolution, decode, progress.update)
     margin = MARGIN * len(pictures[0]) / resolution
@@ -44,6 +48,7 @@ def main(context: Context) -> None:
     context.metrics.update(
         **metrics,
         silhouette_iou=mean_iou(silhouettes(mesh, compared, COMPARED_SIZE), opaque),
+        views=len(cameras),
         view_resolution=resolution,
         view_pixels=len(pictures[0]),
         texture=options.texture,

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from pipeline.documents import read_json
 from pipeline.files import file_sha256
 from pipeline.options.job import to_yaml
 from pipeline.report.page import Page, render
@@ -47,7 +48,7 @@ def main(context: Context) -> None:
     inputs, outputs = context.inputs, context.outputs
     preview, turntable = inputs["preview"], inputs["turntable"]
     paths = {name: path for name, path in inputs.items() if path.suffix == ".json"}
-    entries = [json.loads(path.read_text(encoding="utf-8")) for path in paths.values()]
+    entries = [read_json(path, "delete it and run again") for path in paths.values()]
     facts = stage_options(context.job, "report")
 
     made = [Path(output["path"]) for entry in entries for output in entry["outputs"].values()]
@@ -56,7 +57,7 @@ def main(context: Context) -> None:
         prompt=facts["prompt"],
         negative=facts["negative"],
         facts={
-            **{name: Path(facts[name]).name for name in ("sketch", "mesh") if facts[name]},
+            **{name: Path(facts[name]).name for name in ("sketch", "mesh", "start") if facts[name]},
             **{name: str(facts[name]) for name in ("model", "quality", "seed")},
         },
         entries=entries,
@@ -69,6 +70,7 @@ def main(context: Context) -> None:
             if name in files or name == outputs["manifest"].name
         ],
         job_yaml=to_yaml(context.job),
+        contest_png=inputs["contest_sheet"].read_bytes() if "contest_sheet" in inputs else None,
     )
     outputs["report"].write_text(render(page), encoding="utf-8")
     manifest = make_manifest(facts, entries, files | {outputs["report"].name: outputs["report"]})

@@ -247,7 +247,7 @@ def gltf(**changes: object) -> str:
         ({"accessors": "no"}, "not valid"),
         ({"accessors": [{"componentType": 5126, "count": 3, "sparse": {}}]}, "POSITION is sparse"),
         ({"accessors": [{"componentType": 5122, "count": 3, "normalized": True}]}, "quantised"),
-        ({"accessors": [{"componentType": 5126, "count": float("inf"), "type": "VEC3"}]}, "not valid"),
+        ({"accessors": [{"componentType": 5126, "count": float("inf"), "type": "VEC3"}]}, "Infinity"),
         ({"buffers": None}, "no list"),
         ({"buffers": 5}, "no list"),
         ({"buffers": [{"uri": "%00", "byteLength": 4}]}, "missing"),

@@ -179,22 +179,22 @@ def test_errors_name_the_key_the_value_and_what_is_allowed(values: dict[str, Any
     [
         ({}, ["prompt is empty"]),
         ({"PROMPT": "x", "SEED": "1.5"}, ["SEED", "1.5", "4294967295"]),
-        ({"PROMPT": "x", "SEED": "-1"}, ["seed", "-1", "4294967295"]),
-        ({"PROMPT": "x", "SEED": "4294967296"}, ["seed", "4294967295"]),
+        ({"PROMPT": "x", "SEED": "-1"}, ["SEED", "-1", "4294967295"]),
+        ({"PROMPT": "x", "SEED": "4294967296"}, ["SEED", "4294967295"]),
         ({"PROMPT": "x", "SEED": "٣"}, ["SEED"]),
-        ({"PROMPT": "x", "QUALITY": "ultra"}, ["quality", "ultra", "draft | standard | high"]),
+        ({"PROMPT": "x", "QUALITY": "ultra"}, ["QUALITY", "ultra", "draft | standard | high"]),
         ({"PROMPT": "x", "SIGMA_S": "0.3"}, ["SIGMA_S", "SKETCH=file"]),
         ({"PROMPT": "x", "SKETCH": "absent.obj"}, ["SKETCH", "absent.obj"]),
         (
             {"PROMPT": "x", "SKETCH": __file__, "SIGMA_S": "1e9"},
-            ["train_nerf.sigma_s", "1000000000", "0.01", "10"],
+            ["SIGMA_S", "1000000000", "0.01", "10"],
         ),
-        ({"PROMPT": "x", "SKETCH": __file__, "SIGMA_S": "nan"}, ["train_nerf.sigma_s", "nan"]),
+        ({"PROMPT": "x", "SKETCH": __file__, "SIGMA_S": "nan"}, ["SIGMA_S", "nan"]),
         ({"PROMPT": "x", "SKETCH": __file__, "SIGMA_S": "o.3"}, ["SIGMA_S", "o.3"]),
         ({"PROMPT": "x", "REFINE": "yes"}, ["REFINE", "yes", "1", "0"]),
         ({"PROMPT": "x", "MODEL": "none"}, ["MODEL", "none", "plain, tuned"]),
         ({"PROMPT": "x", "MODEL": ".."}, ["MODEL", "plain, tuned"]),
-        ({"PROMPT": "x", "JOB": "absent.yaml"}, ["absent.yaml", "No such file"]),
+        ({"PROMPT": "x", "JOB": "absent.yaml"}, ["absent.yaml", "does not exist"]),
     ],
 )
 def test_errors_of_the_environment(models: Path, environment: dict[str, str], words: list[str]) -> None:
