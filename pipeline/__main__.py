@@ -242,14 +242,15 @@ COMMANDS = {
 
 def console() -> NoReturn:
     """Be the program `latent-nerf`: what it is told, it is told on its command line alone."""
+    sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # a terminal of LANG=C
     _end(main(sys.argv[1:], {}))
 
 
 def _end(status: int) -> NoReturn:
-    sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # a terminal of LANG=C
     sys.stderr.flush()
     os._exit(status)  # the modules of Snakemake take a third of a second to be taken down
 
 
 if __name__ == "__main__":
+    sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # a terminal of LANG=C
     _end(main(sys.argv[1:], os.environ))

@@ -172,24 +172,12 @@ def _memory() -> Finding:
     free = available_memory_mb()
     if free is None:
         return Finding("note", "memory", "this system does not say")
-    limit = _group_limit_mb()
-    told = f"{free:.0f} MB free" + (f", {limit:.0f} MB allowed to this container" if limit else "")
-    if min(free, limit or free) < ROOM_MB:
+    told = f"{free:.0f} MB for a stage"
+    if free < ROOM_MB:
         return Finding(
             "wrong", "memory", told, f"a run takes 600 to 900 MB; leave it {ROOM_MB} MB: close programs"
         )
     return Finding("ok", "memory", told)
-
-
-def _group_limit_mb() -> float | None:
-    """Return the bound of the control group, as containers have [MB]; None: none."""
-    for path in (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory/memory.limit_in_bytes")):
-        try:
-            size = int(path.read_text())
-        except (OSError, ValueError):
-            continue
-        return size / 1e6 if size < 2**60 else None
-    return None
 
 
 def _disk(out: Path) -> Finding:

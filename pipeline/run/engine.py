@@ -27,8 +27,6 @@ from pipeline.run.snakefiles import read_chain, snakefile, snakemake_config
 from pipeline.run.snakemake_process import PROGRESS, run_snakemake, warm
 
 RESULTS = ("asset.glb", "report.html")
-CANCEL_SECONDS = 30.0
-"""That a scheduler of a cluster may take to call off a job."""
 ENOUGH_DISK = 200 * 2**20
 """A run of the default model takes about 50 MB [bytes]."""
 

@@ -19,7 +19,7 @@ from pipeline.run.admission import check_job, executor_of, profile_folder
 from pipeline.run.chain import STAGES, stage_options
 from pipeline.run.estimate import machine_pace, price
 from pipeline.run.failures import failure
-from pipeline.run.folder import locked, point_latest
+from pipeline.run.folder import check_places, locked, point_latest
 from pipeline.run.plan import make_plan
 from pipeline.run.snakefiles import Link, read_chain, snakemake_config
 from pipeline.run.snakemake_process import PROGRESS, run_snakemake, warm
@@ -135,6 +135,7 @@ def _rules(runs: dict[Job, Path], out: Path, here: bool) -> tuple[list[dict[str,
         if alike not in chains:
             chains[alike] = read_chain(job, run)
         chain = chains[alike]
+        check_places(run, [path for link in chain for path in link.outputs.values()])
         verdicts = {step.stage: step.verdict for step in make_plan(job, run, chain)}
         maker = {path: link.stage for link in chain for path in _made(link)}
         signatures: dict[str, str] = {}

@@ -30,7 +30,7 @@ CHAINS = {
 def stop_in(door: Door, stage: str, number: signal.Signals, **variables: str) -> bool:
     """Start the command and send a signal to all its processes in that stage, in a training once it has a
     checkpoint. Return whether the stage was reached, which it is not where it has ended before."""
-    process = subprocess.Popen(
+    with subprocess.Popen(
         door.command("run", **variables),
         cwd=door.folder,
         env=door.environment(),
@@ -39,25 +39,29 @@ def stop_in(door: Door, stage: str, number: signal.Signals, **variables: str) ->
         text=True,
         start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # tests in the background ignore it
-    )
-    assert process.stderr is not None
-    said = []
-    for line in process.stderr:
-        said.append(line)
-        if line.startswith(f"{stage} ..."):
-            scratch = door.folder / variables["OUT"]
-            for _ in range(200 if STAGES[stage].training else 0):
-                if list(scratch.glob(f"*/checkpoints/{stage}/*.checkpoint")):
-                    break
-                time.sleep(0.01)
-            os.killpg(process.pid, number)
-            rest = process.communicate()[1]
-            assert "Traceback" not in rest
-            if number == signal.SIGINT and process.returncode:
-                assert "the same command goes on from here" in rest
-            return True
-    assert process.wait() == 0, "".join(said)
+    ) as process:
+        assert process.stderr is not None
+        said = []
+        for line in process.stderr:
+            said.append(line)
+            if line.startswith(f"{stage} ..."):
+                _wait_for_checkpoint(door.folder / variables["OUT"], stage)
+                os.killpg(process.pid, number)
+                rest = process.communicate()[1]
+                assert "Traceback" not in rest
+                if number == signal.SIGINT and process.returncode:
+                    assert "the same command goes on from here" in rest
+                return True
+        assert process.wait() == 0, "".join(said)
     return False
+
+
+def _wait_for_checkpoint(out: Path, stage: str) -> None:
+    """Wait until a training has written a state, two seconds at most; other stages have none."""
+    for _ in range(200 if STAGES[stage].training else 0):
+        if list(out.glob(f"*/checkpoints/{stage}/*.checkpoint")):
+            return
+        time.sleep(0.01)
 
 
 def made(run: Path) -> dict[str, str]:
