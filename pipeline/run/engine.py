@@ -21,7 +21,7 @@ from pipeline.run.costs import Cost
 from pipeline.run.estimate import available_memory_mb, machine_pace, price
 from pipeline.run.failures import StageFailure as StageFailure
 from pipeline.run.failures import failure
-from pipeline.run.folder import check_places, locked, point_latest
+from pipeline.run.folder import check_places, date_back, locked, point_latest
 from pipeline.run.plan import Step, make_plan
 from pipeline.run.snakefiles import read_chain, snakefile, snakemake_config
 from pipeline.run.snakemake_process import PROGRESS, run_snakemake, warm
@@ -70,6 +70,7 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
         write_text(run / "job.yaml", described)
         for reason in (run / "stages").glob("*.error"):
             reason.unlink()
+        date_back(run)
         stale = [step.stage for step in steps if step.verdict != "unchanged"]
         config = [f"{name}={value}" for name, value in snakemake_config(job, run, threads).items()]
         # On a cluster a run is one job: its stages are short, and follow one another.

@@ -76,14 +76,9 @@ def read_chain(job: Job, run: Path) -> list[Link]:
         for rule in rules:
             outputs = {name: str(path) for name, path in rule.output.items()}
             if outputs.pop("entry", None):
-                inputs = {name: _plain(path) for name, path in rule.input.items()}
-                for given in getattr(rule.params, "given", lambda wildcards: ())(None):
-                    name, _, path = given.removeprefix("--input=").partition("=")
-                    inputs[name] = path
+                named = rule.params.files(None, rule.input, rule.output)
+                parts = (argument.split("=", 2) for argument in named)
+                inputs = {label: path for kind, label, path in parts if kind == "--input"}
                 links.append(Link(rule.name, inputs, outputs))
     return links
 
-
-def _plain(path: str) -> str:
-    """Undo the doubling by which the Snakefile keeps braces from being wildcards."""
-    return str(path).replace("{{", "{").replace("}}", "}")

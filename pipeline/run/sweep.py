@@ -19,7 +19,7 @@ from pipeline.run.admission import check_job, executor_of, profile_folder
 from pipeline.run.chain import STAGES, stage_options
 from pipeline.run.estimate import machine_pace, price
 from pipeline.run.failures import failure
-from pipeline.run.folder import check_places, locked, point_latest
+from pipeline.run.folder import check_places, date_back, locked, point_latest
 from pipeline.run.plan import make_plan
 from pipeline.run.snakefiles import Link, read_chain, snakemake_config
 from pipeline.run.snakemake_process import PROGRESS, run_snakemake, warm
@@ -79,6 +79,7 @@ def run_sweep(wanted: Sequence[Job], out: Path, folder: Path, threads: int, prof
                 (runs[job] / "logs").mkdir(exist_ok=True)
                 for reason in (runs[job] / "stages").glob("*.error"):
                     reason.unlink()
+                date_back(runs[job])
             write_text(folder / "sweep.json", json.dumps(rules, indent=1) + "\n")
             stages = dict.fromkeys(stage for run in stale.values() for stage in run if STAGES[stage].warm)
             variables = stack.enter_context(warm(list(stages), folder, settings, threads))

@@ -76,7 +76,7 @@ def test_an_asset_is_asked_for_watched_and_downloaded(server: Server, out: Path,
     [
         ({"prompt": ""}, "prompt is empty"),
         ({"prompt": "x", "quality": "ultra"}, "draft | standard | high"),
-        ({"prompt": "x", "seed": -1}, "seed"),
+        ({"prompt": "x", "seed": -1}, "SEED is -1"),
         ({"prompt": "x", "seed": True}, "seed is a bool"),
         ({"prompt": ["x"]}, "prompt is a list"),
         ({"prompt": "x", "model": "../tiny"}, "model is a path"),
