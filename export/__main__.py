@@ -41,7 +41,12 @@ def main(environment: Mapping[str, str], models: Path | None = None) -> int:
         if Path(environment["NAME"]).name != environment["NAME"]:
             raise InputError(f"NAME is {environment['NAME']!r}, expected a name without slashes")
         path = Path(environment["CHECKPOINT"])
+        if not path.exists():
+            raise InputError(
+                f"CHECKPOINT {path} does not exist: give a diffusers folder or a .safetensors file"
+            )
 
+        # They take seconds to import.
         import diffusers
         import transformers
 
@@ -53,10 +58,6 @@ def main(environment: Mapping[str, str], models: Path | None = None) -> int:
         transformers.utils.logging.disable_progress_bar()
         diffusers.utils.logging.set_verbosity_error()
 
-        if not path.exists():
-            raise InputError(
-                f"CHECKPOINT {path} does not exist: give a diffusers folder or a .safetensors file"
-            )
         checkpoint = open_folder(path) if path.is_dir() else open_single_file(path, chosen["PREDICTION"])
         options = ExportOptions(
             half_weights=chosen["STORAGE"] == "fp16",

@@ -81,4 +81,3 @@ def read_chain(job: Job, run: Path) -> list[Link]:
                 inputs = {label: path for kind, label, path in parts if kind == "--input"}
                 links.append(Link(rule.name, inputs, outputs))
     return links
-

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import socket
 from pathlib import Path
@@ -143,17 +144,26 @@ def test_a_run_whose_name_is_taken(place: tuple[Door, Path]) -> None:
     '{"key": "k", "outputs": {"a": {"path": "../../given/thesis.txt", "sha256": ""}}, "inputs": {},'
     ' "metrics": {}, "seconds": 1, "peak_memory_mb": 1}',
 ], ids=["deep", "null", "cut", "number", "list", "bytes", "entry", "outside"])  # fmt: skip
-def test_damaged_entries_are_made_again_and_break_no_other_run(place: tuple[Door, Path], text: str) -> None:
+def test_damaged_entries_count_for_nothing_and_break_no_run(place: tuple[Door, Path], text: str) -> None:
     door, run = place
     entry = run / "stages" / "publish.json"
     key = json.loads(entry.read_text())["key"]
-    asset = (run / "asset.glb").read_bytes()
     entry.write_bytes(text.replace('"k"', f'"{key}"').encode("utf-8", "surrogateescape"))
     assert door.ask("plan", SEED="1").status == 0, "a sibling that is damaged is passed over"
+    answer = door.ask("plan")
+    assert re.search(r"^publish +run ", answer.stdout, re.MULTILINE), answer.stdout
+    assert (door.given / "thesis.txt").read_text() == PRECIOUS
+
+
+def test_damaged_entries_are_made_again(place: tuple[Door, Path]) -> None:
+    door, run = place
+    asset = (run / "asset.glb").read_bytes()
+    for stage, text in (("clean", "null"), ("bake", "{"), ("publish", "[" * 200_000)):
+        (run / "stages" / f"{stage}.json").write_text(text)
     answer = door.ask("run")
     assert answer.status == 0, answer.stderr
     assert (run / "asset.glb").read_bytes() == asset
-    assert (door.given / "thesis.txt").read_text() == PRECIOUS
+    assert door.ask("verify", RUN=f"out/{run.name}").status == 0
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,7 @@
-"""Strangers' checkpoints for `make export` and pictures for `make learn-token`: refused in one line."""
+"""Strangers' checkpoints for `make export` and pictures for `make learn-token`: refused in one line.
+
+One of each goes through make; the others go to the same mains here, which imports torch and diffusers once.
+"""
 
 import json
 import pickle
@@ -8,6 +11,9 @@ from pathlib import Path
 
 import pytest
 
+import export.__main__ as export
+from export.everyday_objects.train import learn_token
+from pipeline.files import path_sha256
 from tests.faults import hostile
 from tests.faults.door import Door
 
@@ -63,19 +69,51 @@ PICTURES: dict[str, tuple[str, bytes]] = {
 }
 
 
-@pytest.mark.parametrize("name", CHECKPOINTS)
-def test_a_checkpoint(door: Door, name: str) -> None:
-    CHECKPOINTS[name](door.given / name)
-    said = door.refused("export", CHECKPOINT=f"given/{name}", NAME="of-a-test-of-faults")
-    assert name in said
-
-
-@pytest.mark.parametrize("name", PICTURES)
-def test_pictures(door: Door, name: str) -> None:
-    folder = door.given / f"pictures-{name}"
-    folder.mkdir()
+def write_pictures(folder: Path, name: str) -> None:
+    folder.mkdir(parents=True)
     file, content = PICTURES[name]
     for number in range(3):
         (folder / f"{number}{file}").write_bytes(content)
-    said = door.refused("learn-token", IMAGES=f"given/pictures-{name}", NAME="of-a-test-of-faults")
-    assert f"given/pictures-{name}" in said
+
+
+def refused(main: Callable[[], int], folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    """Return the line by which a main refuses what lies in a folder, where nothing changes."""
+    before = path_sha256(folder)
+    assert main() == 2
+    (error,) = capsys.readouterr().err.splitlines()
+    assert error.startswith("error: ")
+    assert path_sha256(folder) == before
+    assert not Path("executed").exists(), "something was executed"
+    return error
+
+
+def test_through_make(door: Door) -> None:
+    CHECKPOINTS["pickle"](door.given / "pickle")
+    assert "pickle" in door.refused("export", CHECKPOINT="given/pickle", NAME="of-a-test-of-faults")
+    write_pictures(door.given / "cut", "cut")
+    assert "given/cut" in door.refused("learn-token", IMAGES="given/cut", NAME="of-a-test-of-faults")
+
+
+@pytest.mark.parametrize("name", CHECKPOINTS)
+def test_a_checkpoint(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("given").mkdir()
+    CHECKPOINTS[name](Path("given") / name)
+    asked = {"CHECKPOINT": f"given/{name}", "NAME": "x"}
+    assert name in refused(lambda: export.main(asked, tmp_path / "models"), Path("given"), capsys)
+    assert not Path("models").exists() or not list(Path("models").iterdir())
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_pictures(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_pictures(Path("given") / name, name)
+    monkeypatch.setenv("IMAGES", f"given/{name}")
+    monkeypatch.setenv("NAME", "x")
+    monkeypatch.setattr("sys.argv", ["learn_token"])
+    assert f"given/{name}" in refused(learn_token.main, Path("given"), capsys)
+    assert not Path("tokens").exists()
