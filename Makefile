@@ -1,19 +1,36 @@
 # The front door. `make help` explains; everything else is in pipeline/.
 #
 # What a user writes is never executed: each variable below is taken as it stands (value), never expanded, and
-# reaches Python through the environment, so neither make nor the shell nor Snakemake reads it.
-USER_VARIABLES := PROMPT NEGATIVE MODEL SEED QUALITY JOB OUT THREADS PROFILE RUN SKETCH SIGMA_S MESH PARAM REFINE TOKEN ONLY PROVIDER \
-	IMAGES NAME CHECKPOINT STORAGE SHAPES GRADIENT PREDICTION
-$(foreach name,$(USER_VARIABLES),$(eval override $(name) := $$(value $(name))))
+# reaches Python through the environment, so neither make nor the shell nor Snakemake reads it. It counts only on
+# the command line: what the environment calls TOKEN or MODEL may be a secret, and is no option of ours.
+USER_VARIABLES := PROMPT NEGATIVE MODEL SEED SEEDS QUALITY JOB OUT THREADS PROFILE RUN SKETCH SIGMA_S MESH PARAM START STRENGTH REFINE TOKEN ONLY PROVIDER \
+	IMAGES NAME CHECKPOINT STORAGE SHAPES GRADIENT PREDICTION UNLIT PIVOT SIZE_M MINUTES VERIFY HOST PORT JOBS
+$(foreach name,$(USER_VARIABLES),$(eval override $(name) := \
+	$(if $(findstring command line,$(origin $(name))),$$(value $(name)))))
 export $(USER_VARIABLES)
 UNKNOWN := $(filter-out $(USER_VARIABLES) PYTHON IN_VENV,$(foreach name,$(.VARIABLES),$(if $(findstring command line,$(origin $(name))),$(name))))
-$(if $(UNKNOWN),$(error $(firstword $(UNKNOWN)) is no variable of this project; there are: $(USER_VARIABLES)))
+# The word that is nearest to $(1) among $(2); what was written reaches the shell between single quotes.
+nearest = $(shell $(PYTHON) -c 'import difflib, sys; word, *known = sys.argv[1:]; \
+	print(*(sum((difflib.get_close_matches(w, known, 1) for w in (word, word.upper(), word.lower())), [])[:1]))' \
+	'$(subst ','\'',$(1))' $(2) 2>/dev/null)
+meant = $(if $(nearest),: did you mean $(nearest)?,; there are: $(2))
+PYTHON ?= python3
+$(if $(UNKNOWN),$(error $(firstword $(UNKNOWN)) is no variable of this project$(call meant,$(firstword $(UNKNOWN)),$(USER_VARIABLES))))
+
+# The packages of one .venv load the code of one clone. Two clones that share it would run each other's.
+INSTALLED_FOR := $(file <.venv/.runtime)
+ifneq ($(filter-out $(CURDIR),$(INSTALLED_FOR)),)
+ifneq ($(filter-out help clean-venv,$(MAKECMDGOALS)),)
+$(error .venv is installed for the clone in $(INSTALLED_FOR), this one is $(CURDIR): make clean-venv, then the same again)
+endif
+endif
 
 MAKEFLAGS += --no-print-directory
 .DEFAULT_GOAL := help
-.PHONY: help options run plan verify export bench learn-token default-model test clean-venv
+TARGETS := help options run plan verify models doctor serve gallery sweep dist export bench learn-token default-model test \
+	fuzz clean-venv
+.PHONY: $(TARGETS)
 
-PYTHON ?= python3
 IN_VENV := .venv/bin/python
 
 help:
@@ -30,6 +47,24 @@ verify: .venv/.runtime
 
 options: .venv/.runtime
 	@$(IN_VENV) -m pipeline options
+
+models: .venv/.runtime
+	@$(IN_VENV) -m pipeline models
+
+doctor: .venv/.runtime
+	@$(IN_VENV) -m pipeline doctor
+
+gallery: .venv/.runtime
+	@$(IN_VENV) -m pipeline gallery
+
+sweep: .venv/.runtime
+	@$(IN_VENV) -m pipeline sweep
+
+serve: .venv/.serve
+	@$(IN_VENV) -m pipeline serve
+
+dist: .venv/.runtime
+	@$(IN_VENV) integrations/dist/make_dist.py
 
 export: .venv/.dev
 	@$(IN_VENV) -m export
@@ -55,21 +90,34 @@ test: .venv/.dev
 	$(IN_VENV) -m mypy
 	$(IN_VENV) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
+fuzz: .venv/.dev
+	@$(IN_VENV) -m tests.faults.fuzz
+
 clean-venv:
 	rm -rf .venv
 
 # A stamp a set of packages: made again when pyproject.toml changes, and after an installation that did not end.
+.venv/.runtime: export CLONE := $(CURDIR)
 .venv/.runtime: pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "error: $(PYTHON) is not Python 3.11 or newer: say PYTHON=python3.11" >&2; exit 2; }
 	@echo "installing into .venv (first use: a few minutes)" >&2
 	@test -x $(IN_VENV) || $(PYTHON) -m venv .venv
-	@$(IN_VENV) -m pip install --quiet --editable . >&2
+	@# Python compiles what is imported, when it is.
+	@$(IN_VENV) -m pip install --quiet --no-compile --editable . >&2
+	@printf '%s\n' "$$CLONE" >$@
+
+.venv/.serve: .venv/.runtime pyproject.toml
+	@$(IN_VENV) -m pip install --quiet --editable '.[serve]' >&2
 	@touch $@
 
 .venv/.dev: .venv/.runtime pyproject.toml
-	@# Most of it is never imported: Python compiles what is, when it is.
-	@$(IN_VENV) -m pip install --quiet --no-compile --editable '.[dev,export]' >&2
+	@# As above: most of it is never imported.
+	@$(IN_VENV) -m pip install --quiet --no-compile --editable '.[dev,export,serve]' >&2
 	@# For its file of CLIP's merges alone: its torchvision does not load beside the CPU build of torch.
 	@$(IN_VENV) -m pip install --quiet --no-deps 'open_clip_torch>=3.3,<4' >&2
 	@touch $@
+
+# What is no target.
+.DEFAULT:
+	@echo 'error: $(subst ','\'',$@) is no target$(call meant,$@,$(TARGETS))' >&2; exit 2

@@ -23,9 +23,11 @@ from pathlib import Path
 HERE = Path(__file__).parent
 RESULTS, DOCS = HERE / "results", HERE.parent / "docs"
 BY_NAME = {
+    "asset": "6 min",
     "default-model": "35 min",
     "distillation": "30 min",
     "guidance": "16 min",
+    "hand-over": "10 min",
     "latent-vs-rgb": "5 min",
     "learn-token": "16 min",
     "oracle-choices": "15 min",

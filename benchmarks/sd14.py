@@ -5,10 +5,10 @@ its own, as the stages of a run are, so that each peak of memory is its own:
 
 - export: 860 million UNet parameters, the real sizes of VAE and CLIP-L, to a bundle, compared with torch;
 - text, paint: ten steps of score distillation at 64 x 64, one view a step (a guided batch of 2);
-- decode: one picture of 512 x 512;
+- decode, encode: one picture of 512 x 512;
 - denoiser: the pipeline's denoiser, plain onnxruntime on the same graph and diffusers in torch, in turn.
 
-`SMALL=1` runs the same on toy sizes.
+`jobs` reckons from these what a whole job takes its networks. `SMALL=1` runs the same on toy sizes.
 """
 
 from __future__ import annotations
@@ -32,7 +32,9 @@ from pipeline.options.nerf import TrainNerf
 from pipeline.options.paint import TrainPaint
 
 STEPS, ROUNDS = 10, 5
-PHASES = ("export", "text", "paint", "decode", "denoiser")
+STRENGTHS = (0.125, 0.25)
+"""Of the hand-overs whose time is reckoned."""
+PHASES = ("export", "text", "paint", "decode", "encode", "denoiser")
 SMALL = bool(os.environ.get("SMALL"))
 SIDE = 16 if SMALL else 64
 LENGTH = 77
@@ -198,6 +200,35 @@ def decode(work: Path) -> dict[str, Any]:
     return {"seconds": time.perf_counter() - began, "shape": list(shape)}
 
 
+def encode(work: Path) -> dict[str, Any]:
+    """One picture."""
+    from pipeline.diffusion.sessions import vae_encoder
+
+    pictures = np.random.default_rng(0).random((1, 8 * SIDE, 8 * SIDE, 3), np.float32)
+    with vae_encoder(work / "sd14" / "vae_encoder") as encoder:
+        began = time.perf_counter()
+        shape = encoder(pictures).shape
+    return {"seconds": time.perf_counter() - began, "shape": list(shape)}
+
+
+def whole_job(
+    step_s: float, decode_s: float, encode_s: float, strength: float | None = None
+) -> dict[str, float]:
+    """Return what the networks of a text's whole job take by these seconds of one view [min]: from nothing,
+    or handed over at that strength. What else a run does takes minutes; what the small model does, one."""
+    from pipeline.options.asset import Bake
+    from pipeline.options.start import StartFit, set_out
+
+    train = TrainNerf() if strength is None else set_out(TrainNerf(), strength)
+    parts = {
+        "encoding": 0.0 if strength is None else StartFit().views * encode_s,
+        "distillation": train.steps * train.cameras_per_step * step_s,
+        "decoding": Bake().large_views * decode_s,
+    }
+    minutes = {part: round(seconds / 60, 1) for part, seconds in parts.items()}
+    return {**minutes, "together": round(sum(parts.values()) / 60, 1)}
+
+
 def denoiser(work: Path) -> dict[str, Any]:
     """The same guided batch through three programs in turn, and the machine's matrix product."""
     import onnxruntime
@@ -282,7 +313,19 @@ def main(folder: Path) -> dict[str, Any]:
         # The phase that compares holds the network three times, which no run does.
         "peak_gb": round(max(phases[name]["peak_gb"] for name in PHASES if name != "denoiser"), 2),
     }
-    return {"summary": summary, "load_at_end": os.getloadavg(), "small": SMALL, "phases": phases}
+    seconds = (phases["text"]["step_s"], phases["decode"]["seconds"], phases["encode"]["seconds"])
+    jobs = {
+        "from nothing": whole_job(*seconds),
+        **{f"handed over, strength {s:g}": whole_job(*seconds, s) for s in STRENGTHS},
+    }
+    summary["job_minutes"] = {name: parts["together"] for name, parts in jobs.items()}
+    return {
+        "summary": summary,
+        "load_at_end": os.getloadavg(),
+        "small": SMALL,
+        "jobs": jobs,
+        "phases": phases,
+    }
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from types import FrameType
 
 from pipeline.errors import InputError
 from pipeline.files import refusal
-from pipeline.options.job import MODELS
+from pipeline.options.job import new_models
 
 CHOICES = {
     "STORAGE": ("fp32", "fp16"),
@@ -25,8 +25,9 @@ CHOICES = {
 }
 
 
-def main(environment: Mapping[str, str], models: Path = MODELS) -> int:
-    """Export what the environment names and return the exit status."""
+def main(environment: Mapping[str, str], models: Path | None = None) -> int:
+    """Export what the environment names into `models` (none: where new models go); return the exit status."""
+    models = models or new_models()
     # Before diffusers is imported: nothing may be fetched.
     os.environ["HF_HUB_OFFLINE"] = "1"
     signal.signal(signal.SIGTERM, _stop)
@@ -40,7 +41,12 @@ def main(environment: Mapping[str, str], models: Path = MODELS) -> int:
         if Path(environment["NAME"]).name != environment["NAME"]:
             raise InputError(f"NAME is {environment['NAME']!r}, expected a name without slashes")
         path = Path(environment["CHECKPOINT"])
+        if not path.exists():
+            raise InputError(
+                f"CHECKPOINT {path} does not exist: give a diffusers folder or a .safetensors file"
+            )
 
+        # They take seconds to import.
         import diffusers
         import transformers
 
@@ -52,10 +58,6 @@ def main(environment: Mapping[str, str], models: Path = MODELS) -> int:
         transformers.utils.logging.disable_progress_bar()
         diffusers.utils.logging.set_verbosity_error()
 
-        if not path.exists():
-            raise InputError(
-                f"CHECKPOINT {path} does not exist: give a diffusers folder or a .safetensors file"
-            )
         checkpoint = open_folder(path) if path.is_dir() else open_single_file(path, chosen["PREDICTION"])
         options = ExportOptions(
             half_weights=chosen["STORAGE"] == "fp16",

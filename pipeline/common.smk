@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from urllib.parse import unquote
 
-from pipeline.mesh.file_checks import buffer_files
+from pipeline.mesh.file_checks import buffer_files, image_files
 
 
 def relative(path):
@@ -13,32 +13,52 @@ def relative(path):
     return os.path.relpath(path, unquote(config["run"]))
 
 
-folder = unquote(config["bundle"])
-bundle = relative(folder).replace("{", "{{").replace("}", "}}")  # braces would be wildcards
-described = os.path.exists(os.path.join(folder, "bundle.json"))
-description = {"description": f"{bundle}/bundle.json"} if described else {}
-optional = {name: f"{bundle}/{name}" for name in ("vae_encoder", "vae_encoder_vjp")
-            if os.path.isdir(os.path.join(folder, name))}
-encoder = {name: path for name, path in optional.items() if name == "vae_encoder"}
-# A comma inside a path is percent-encoded.
-tokens = {f"token{i}": relative(unquote(path))
-          for i, path in enumerate(filter(None, str(config.get("tokens", "")).split(",")))}
 STAGES = config["stages"].split("+")
+folder = unquote(config["bundle"])
 
 
-def named_files(wildcards, input, output):
-    return [f"--input={name}={path}" for name, path in input.items()] + [
-        f"--output={name}={path}" for name, path in output.items() if name != "entry"]
+def bundle(*names):
+    """Return the files and folders of the bundle that a stage reads, and its description if there is one."""
+    described = ["bundle.json"] if os.path.exists(os.path.join(folder, "bundle.json")) else []
+    return {name.replace("bundle.json", "description"): os.path.join(folder, name) for name in (*described, *names)}
 
 
-def given_files(name):
-    """Return the parameter that names a file of the user, and the buffers of a .gltf. They are no inputs to
-    Snakemake, which would take braces in a path for wildcards; the plan looks at their contents, and has the
-    stage run when these changed."""
+optional = [name for name in ("vae_encoder", "vae_encoder_vjp") if os.path.isdir(os.path.join(folder, name))]
+encoder = [name for name in optional if name == "vae_encoder"]
+
+
+def tokens():
+    """Return the files of TOKEN. A comma inside a path is percent-encoded."""
+    paths = filter(None, str(config.get("tokens", "")).split(","))
+    return {f"token{i}": unquote(path) for i, path in enumerate(paths)}
+
+
+def start_files():
+    """Return the files of what START names."""
+    named = (part.partition("=") for part in str(config["start"]).split(","))
+    return {label: unquote(path) for label, _, path in named}
+
+
+def given_files(name, pictures=False):
+    """Return a file of the user, and the buffers (and pictures) of a .gltf."""
     path = unquote(config[name])
-    given = {name: path} | {f"buffer{i}": buffer for i, buffer in enumerate(buffer_files(Path(path)))}
-    arguments = [f"--input={label}={relative(file)}" for label, file in given.items()]
-    return lambda wildcards: arguments
+    files = {name: path} | {f"buffer{i}": buffer for i, buffer in enumerate(buffer_files(Path(path)))}
+    if pictures:
+        files |= {f"image{i}": image for i, image in enumerate(image_files(Path(path)))}
+    return files
+
+
+def files(*outside):
+    """Return the parameter that names a stage's files: those of the run, which Snakemake knows as inputs and
+    outputs, and those outside it, by label. These are no inputs to Snakemake, which would take braces in a path
+    for wildcards; the plan looks at their contents, and has the stage run when these changed."""
+    given = {label: relative(path) for group in outside for label, path in group.items()}
+
+    def named(wildcards, input, output):
+        return [f"--input={label}={path}" for label, path in (*given.items(), *input.items())] + [
+            f"--output={label}={path}" for label, path in output.items() if label != "entry"]
+
+    return named
 
 
 PYTHON = sys.executable
@@ -51,10 +71,7 @@ rule all:
     input: "report.html", "manifest.json"
 
 rule embed:
-    input:
-        **description, **encoder, **tokens, text_encoder=f"{bundle}/text_encoder",
-        tokenizer=f"{bundle}/tokenizer"
     output: embeddings=update("embeddings.npz"), entry=update("stages/embed.json")
-    params: files=named_files
+    params: files=files(bundle(*encoder, "text_encoder", "tokenizer"), tokens())
     threads: config["threads"]
     shell: COLD

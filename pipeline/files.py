@@ -1,9 +1,11 @@
 """Files that are either whole or absent, and their checksums."""
 
+import contextlib
 import errno
 import hashlib
 import os
 from pathlib import Path
+from typing import BinaryIO
 
 from pipeline.errors import InputError
 
@@ -16,6 +18,10 @@ REFUSALS = {
     errno.EPERM: "operation not permitted: choose another folder with OUT=",
     errno.ENAMETOOLONG: "the name is longer than the file system allows: shorten it",
     errno.ENOTDIR: "a file stands where a folder is needed: choose another folder with OUT=",
+    errno.EEXIST: "something else stands there: move it away",
+    errno.EISDIR: "a folder stands where a file is needed: move it away",
+    errno.ELOOP: "a link stands there, which is not followed: replace it by what it points to",
+    errno.ENOMEM: "not enough memory: close other programs, or lower QUALITY",
 }
 
 
@@ -43,6 +49,30 @@ def path_sha256(path: Path) -> str:
     return digest.hexdigest()
 
 
+def read_at_most(path: Path, most: int) -> bytes:
+    """Return a regular file's bytes.
+
+    Raises:
+        ValueError: it is no regular file (a device, a pipe: reading may never end) or longer than `most`.
+    """
+    if not path.is_file():
+        raise ValueError("no regular file")
+    with path.open("rb") as stream:
+        data = stream.read(most + 1)
+    if len(data) > most:
+        raise ValueError(f"more than {most} bytes")
+    return data
+
+
+def create(path: Path) -> BinaryIO:
+    """Open a new file for writing where none, or one of an earlier run, is. What a link points to stays as
+    it is: the link goes."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with contextlib.suppress(FileNotFoundError):
+        path.unlink()
+    return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o644), "wb")
+
+
 def sync(path: Path) -> None:
     """Force a file, or a folder's directory entries, to the disk."""
     descriptor = os.open(path, os.O_RDONLY)
@@ -65,10 +95,10 @@ def publish(pairs: list[tuple[Path, Path]]) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file atomically."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.part{os.getpid()}")
     try:
-        partial.write_text(text, encoding="utf-8")
+        with create(partial) as stream:
+            stream.write(text.encode("utf-8"))
         publish([(partial, path)])
     finally:
         partial.unlink(missing_ok=True)

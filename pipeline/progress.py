@@ -1,5 +1,6 @@
 """Progress of long work, for a person: a line that says how far, how long still, and how it goes."""
 
+import os
 import sys
 import time
 from types import TracebackType
@@ -7,8 +8,15 @@ from typing import Self, TextIO
 
 PATIENCE = 2.0
 """Work shorter than this says nothing [seconds]."""
-INTERVAL = {True: 0.2, False: 5.0}
+EVERY = "PIPELINE_PROGRESS_SECONDS"
+"""Environment variable: time between lines that no terminal shows, for programs that read them [seconds]."""
+INTERVAL = {True: 0.2, False: float(os.environ.get(EVERY) or 5.0)}
 """Time between lines on a terminal and elsewhere [seconds]."""
+
+LABEL = "PIPELINE_LABEL"
+"""Environment variable: what stands before every line, where several runs say theirs."""
+TOLD = "PIPELINE_TOLD"
+"""Environment variable: a file that lines are added to, where no one hears this process."""
 
 channel: TextIO | None = None
 """Where progress goes; None: standard error. `pipeline.run.stage.execute` sets it."""
@@ -16,7 +24,7 @@ channel: TextIO | None = None
 
 def say(text: str) -> None:
     """Print one line for the user at once."""
-    print(text, file=channel or sys.stderr, flush=True)
+    print(f"{os.environ.get(LABEL, '')}{text}", file=channel or sys.stderr, flush=True)
 
 
 class Progress:
@@ -46,7 +54,7 @@ class Progress:
         if now - self.began < PATIENCE or now - self.said < INTERVAL[terminal]:
             return
         self.said = now
-        line = f"{self.label}: {done}/{self.total} {self.unit}".rstrip()
+        line = f"{os.environ.get(LABEL, '')}{self.label}: {done}/{self.total} {self.unit}".rstrip()
         if done > first:
             left = (now - since) / (done - first) * (self.total - done)
             line += f", {duration(left)} left"

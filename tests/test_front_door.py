@@ -36,20 +36,20 @@ def echo(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("text", NASTY.values(), ids=NASTY.keys())
-@pytest.mark.parametrize("through", ["command line", "environment"])
-def test_make_passes_text_as_it_is(tmp_path: Path, echo: Path, text: str, through: str) -> None:
+def test_make_passes_text_as_it_is(tmp_path: Path, echo: Path, text: str) -> None:
     given = {"PROMPT": text, "NEGATIVE": f"not {text}", "OUT": f"out {text}"}
-    arguments = [f"{k}={v}" for k, v in given.items()] if through == "command line" else []
-    environment = clean_environment() | (given if through == "environment" else {})
+    arguments = [f"{k}={v}" for k, v in given.items()]
+    secrets = dict.fromkeys(("TOKEN", "MODEL", "NAME", *given), "a secret")
     result = subprocess.run(
         ["make", "-f", str(ROOT / "Makefile"), "-o", ".venv/.runtime", "run", f"IN_VENV={echo}", *arguments],
         cwd=tmp_path,
-        env=environment,
+        env=clean_environment() | secrets,
         capture_output=True,
         text=True,
         check=True,
     )
     argv, seen = json.loads(result.stdout)
+    assert "a secret" not in seen.values(), "what the environment calls TOKEN is none of ours"
     assert argv == ["-m", "pipeline", "run"]
     assert {name: seen[name] for name in given} == given
     assert list(tmp_path.iterdir()) == [], "something was executed"
@@ -63,7 +63,7 @@ def test_nothing_between_make_and_the_report_reads_the_prompt(tmp_path: Path) ->
     run = project.root / "runs {b} $(touch y)" / "latest"
     assert yaml.safe_load((run / "job.yaml").read_text())["prompt"] == prompt
     assert json.loads((run / "manifest.json").read_text())["job"]["prompt"] == prompt
-    assert "<script>" not in (run / "report.html").read_text()
+    assert "<script>alert" not in (run / "report.html").read_text()
     assert not [p for p in tmp_path.rglob("*") if p.name in ("x", "y")], "something was executed"
 
 
@@ -84,15 +84,16 @@ def make(*arguments: str) -> "subprocess.CompletedProcess[str]":
         ([], ["prompt is empty"]),
         (["PROMPT="], ["prompt is empty"]),
         (["PROMPT=x", "MODEL=nowhere"], ["MODEL", "nowhere", "there are"]),
-        (["PROMPT=x", "SEED=-1"], ["seed", "0", "4294967295"]),
-        (["PROMPT=x", "QUALITY=ultra"], ["quality", "draft | standard | high"]),
+        (["PROMPT=x", "SEED=-1", "JOB=README.md"], ["README.md is not plain YAML"]),
+        (["PROMPT=x", "SEED=-1"], ["SEED is -1", "0", "4294967295"]),
+        (["PROMPT=x", "QUALITY=ultra"], ["QUALITY is", "draft | standard | high"]),
         (["PROMPT=x", "MESH=fish.obj"], ["MESH", "fish.obj", "no file"]),
         (["PROMPT=x", f"MESH={'a' * 300}.obj"], ["aaa", "longer than", "shorten"]),
         (["PROMPT=x", "PARAM=face"], ["PARAM", "MESH"]),
         (["PROMPT=x", "MESH=README.md", "SKETCH=README.md"], ["SKETCH", "MESH", "leave one out"]),
         (["PROMPT=x", "SKETCH=absent.obj"], ["SKETCH", "absent.obj", "is no file"]),
         (["PROMPT=x", "SIGMA_S=0.3"], ["SIGMA_S", "SKETCH=file"]),
-        (["PROMPT=x", "SKETCH=README.md", "SIGMA_S=0"], ["sigma_s", "0.01", "10"]),
+        (["PROMPT=x", "SKETCH=README.md", "SIGMA_S=0"], ["SIGMA_S is", "0.01", "10"]),
         (["PROMPT=x", "SKETCH=README.md", "SIGMA_S=wide"], ["SIGMA_S", "'wide'", "0.3"]),
         (["PROMPT=x", "REFINE=yes"], ["REFINE", "'yes'", "1"]),
         (["PROMPT=x", "TOKEN=cat.safetensors"], ["TOKEN", "cat.safetensors", "no file"]),
@@ -111,6 +112,24 @@ def test_errors_are_one_line_and_status_2(
         assert word in message
     assert result.stdout == ""
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_packages_of_another_clone_are_refused(tmp_path: Path, echo: Path) -> None:
+    (tmp_path / ".venv").mkdir()
+    command = ["make", "-f", str(ROOT / "Makefile"), "-o", ".venv/.runtime", f"IN_VENV={echo}"]
+    for clone, status in ((tmp_path, 0), (tmp_path / "other", 2)):
+        (tmp_path / ".venv" / ".runtime").write_text(f"{clone.resolve()}\n")
+        result = subprocess.run(
+            [*command, "plan"],
+            cwd=tmp_path,
+            env=clean_environment(),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert result.returncode == status
+    assert f"installed for the clone in {tmp_path.resolve() / 'other'}" in result.stderr
+    assert "make clean-venv" in result.stderr
 
 
 def test_a_mistyped_variable_is_refused(tmp_path: Path) -> None:
@@ -147,10 +166,10 @@ def test_threads_out_of_range(threads: str, tmp_path: Path, capsys: pytest.Captu
 def test_help_names_every_variable_and_every_target_and_nothing_else() -> None:
     text = make("help").stdout
     makefile = (ROOT / "Makefile").read_text()
-    targets = next(line for line in makefile.splitlines() if line.startswith(".PHONY:")).split()[1:]
+    joined = makefile.replace("\\\n", " ")
+    targets = next(line for line in joined.splitlines() if line.startswith("TARGETS")).split()[2:]
     for target in set(targets) - {"help"}:
         assert f"make {target}" in text
-    joined = makefile.replace("\\\n", " ")
     variables = next(line for line in joined.splitlines() if line.startswith("USER_VARIABLES")).split()[2:]
     for variable in variables:
         assert f"{variable}=" in text

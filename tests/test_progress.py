@@ -59,6 +59,13 @@ def test_a_resumed_run_and_a_slow_first_unit_do_not_spoil_the_pace(
     assert stream.getvalue().splitlines()[1] == "train: 906/1000 steps, 94 s left, gradient 0.5"
 
 
+def test_slow_steps_tell_the_time_left_from_the_second_on(
+    stream: io.StringIO, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    work(Clock(monkeypatch), 10, 12.0)
+    assert stream.getvalue().splitlines()[1] == "train: 2/10 steps, 96 s left, gradient 0.5"
+
+
 def test_a_terminal_gets_one_line_that_is_wiped(monkeypatch: pytest.MonkeyPatch) -> None:
     stream = Terminal()
     monkeypatch.setattr(progress, "channel", stream)

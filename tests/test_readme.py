@@ -19,6 +19,9 @@ TESTED = {
     "make learn-token": "tests/export/test_learn_token.py",
     "make help": "tests/test_front_door.py",
     "make test": "tests/conftest.py",
+    "make sweep": "tests/run/test_sweep.py",
+    "pip install": "tests/test_wheel.py",
+    "latent-nerf run": "tests/test_wheel.py",
     ".venv/bin/python -m": "tests/nerf/test_field.py",
     ".venv/bin/ruff check": "tests/test_imports.py",
 }
@@ -59,6 +62,11 @@ def test_a_run_of_the_readme_can_be_planned(command: list[str], tmp_path: Path) 
             file = tmp_path / Path(GIVEN[name]).name
             file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
             arguments[arguments.index(f"{name}={GIVEN[name]}")] = f"{name}={file}"
+    if "START=runs/latest" in arguments:
+        (tmp_path / "before").mkdir()
+        (tmp_path / "before" / "job.yaml").write_text("prompt: a red armchair\n")
+        (tmp_path / "before" / "field.npz").write_bytes(b"a field")
+        arguments[arguments.index("START=runs/latest")] = f"START={tmp_path / 'before'}"
     if "MODEL=my-model" in arguments:
         write_tiny_bundle(tmp_path / "my-model", latent_size=8)
         arguments[arguments.index("MODEL=my-model")] = f"MODEL={tmp_path / 'my-model'}"

@@ -13,8 +13,11 @@ from PIL import Image
 
 from pipeline.files import file_sha256
 from pipeline.mesh.file_checks import read_gltf_json
+from pipeline.mesh.gltf_document import open_document
 from pipeline.mesh.readers import read_mesh
 from tests.fake_project import ROOT, clean_environment, kill_group
+from tests.kept_document import assert_kept
+from tests.rigged_model import rigged_glb
 from tests.tiny_bundle import write_tiny_bundle
 
 OPTIONS = """
@@ -84,6 +87,21 @@ def test_the_asset_is_the_mesh_that_was_given(folder: Path) -> None:
     np.testing.assert_array_equal(again.vertices, given.vertices)
     np.testing.assert_array_equal(again.faces, given.faces)
     assert again.names == given.names
+    assert "illum 2" in (latest / "asset.mtl").read_text()
+
+
+def test_a_rig_comes_back_with_new_colours_and_nothing_else(folder: Path) -> None:
+    (folder / "rigged.glb").write_bytes(rigged_glb())
+    result = make(folder, "rigged.glb", "rigged", UNLIT="1")
+    assert result.returncode == 0, result.stderr
+    asset = folder / "rigged" / "latest" / "asset.glb"
+    assert_kept(open_document(folder / "rigged.glb"), after := open_document(asset))
+    colour = after.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["index"]
+    view = after.json["images"][after.json["textures"][colour]["source"]]["bufferView"]
+    assert after.view(view) == asset.with_name("albedo.png").read_bytes()
+    assert "KHR_materials_unlit" in after.json["extensionsUsed"]
+    again = make(folder, "rigged.glb", "rigged", UNLIT="1")
+    assert "nothing to do" in again.stderr
 
 
 def test_the_manifest_reports_coordinates_coverage_and_seams(folder: Path) -> None:
@@ -106,13 +124,12 @@ def test_killed_in_training_and_continued_is_the_same_asset(folder: Path) -> Non
         start_new_session=True,
     )  # fmt: skip
     deadline = time.monotonic() + 240
-    scratch = folder / "killed" / "latest" / "checkpoints" / "train_paint"
-    while not list(scratch.glob("*.checkpoint")):
+    while not list(folder.glob("killed/*/checkpoints/train_paint/*.checkpoint")):
         assert process.poll() is None, "ended before the first checkpoint"
         assert time.monotonic() < deadline
         time.sleep(0.01)
     kill_group(process)
-    assert not (folder / "killed" / "latest" / "painted.npz").exists(), "killed too late to test anything"
+    assert not list(folder.glob("killed/*/painted.npz")), "killed too late to test anything"
     result = make(folder, "a: {mesh} 'x'.obj", "killed")
     assert result.returncode == 0, result.stderr
     for name in ("painted.npz", "asset.glb", "albedo.png", "preview.png"):

@@ -116,13 +116,12 @@ def test_killed_in_training_and_continued_is_the_same_asset(folder: Path) -> Non
         start_new_session=True,
     )
     deadline = time.monotonic() + 120
-    scratch = folder / "killed" / "latest" / "checkpoints" / "train_nerf"
-    while not list(scratch.glob("*.checkpoint")):
+    while not list(folder.glob("killed/*/checkpoints/train_nerf/*.checkpoint")):
         assert process.poll() is None, "ended before the first checkpoint"
         assert time.monotonic() < deadline
         time.sleep(0.01)
     kill_group(process)
-    assert not (folder / "killed" / "latest" / "field.npz").exists(), "killed too late to test anything"
+    assert not list(folder.glob("killed/*/field.npz")), "killed too late to test anything"
     result = make(folder, "killed")
     assert result.returncode == 0, result.stderr
     for name in ("field.npz", "asset.glb", "albedo.png", "preview.png"):
@@ -144,12 +143,15 @@ def test_ctrl_c_in_training_keeps_the_step_that_it_is_in(folder: Path) -> None:
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )  # fmt: skip
 
-    process, scratch = start(), folder / "long" / "latest" / "checkpoints" / "train_nerf"
+    process = start()
     deadline = time.monotonic() + 120
-    while not (scratch / "preview_training.png").exists():
-        assert process.poll() is None, "ended before the first preview"
+    shown: set[int] = set()
+    while len(shown) < 2:  # the first is of what training begins with
+        shown |= {path.stat().st_ino for path in folder.glob("long/*/checkpoints/train_nerf/preview_*.png")}
+        assert process.poll() is None, "ended before the second preview"
         assert time.monotonic() < deadline
         time.sleep(0.01)
+    (scratch,) = folder.glob("long/*/checkpoints/train_nerf")
     assert not list(scratch.glob("*.checkpoint"))
     os.killpg(process.pid, signal.SIGINT)
     _, said = process.communicate(timeout=60)
@@ -164,7 +166,7 @@ def test_ctrl_c_in_training_keeps_the_step_that_it_is_in(folder: Path) -> None:
 
 def test_a_wrong_number_of_threads_in_the_caller_changes_nothing(folder: Path) -> None:
     """Threads come from THREADS or the machine, never from the caller's environment."""
-    from pipeline.run.engine import environment
+    from pipeline.run.snakemake_process import environment
 
     made = environment(2, {**os.environ, "OMP_NUM_THREADS": "7", "PYTHONHASHSEED": "9"})
     assert (made["OMP_NUM_THREADS"], made["NUMBA_NUM_THREADS"], made["PYTHONHASHSEED"]) == ("2", "2", "0")
@@ -180,12 +182,11 @@ def test_termination_stops_everything(folder: Path) -> None:
         text=True,
         start_new_session=True,
     )
-    lock = folder / "stopped" / "latest" / ".lock"
     deadline = time.monotonic() + 60
-    while not (folder / "stopped" / "latest" / "logs" / "embed.log").exists():
+    while not (logs := list(folder.glob("stopped/*/logs/embed.log"))):
         assert time.monotonic() < deadline
         time.sleep(0.02)
-    os.kill(int(lock.read_text()), signal.SIGTERM)
+    os.kill(int((logs[0].parents[1] / ".lock").read_text()), signal.SIGTERM)
     _, errors = process.communicate(timeout=30)
     assert process.returncode != 0
     assert "the same command goes on from here" in errors

@@ -10,7 +10,6 @@ one line. Importing this module is cheap: no onnxruntime, no torch.
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -18,9 +17,11 @@ from typing import Any, TypeVar
 import numpy as np
 from jaxtyping import Float
 
+from pipeline import documents
 from pipeline.diffusion.onnx_file import OnnxFile, check_external, read_onnx
 from pipeline.errors import InputError
 from pipeline.files import file_sha256
+from pipeline.options.schema import short
 
 T = TypeVar("T")
 
@@ -137,23 +138,8 @@ def _verify_checksums(folder: Path, files: dict[str, str]) -> None:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Return the JSON object in `path`; raises InputError when it is missing, empty or something else."""
-    if not path.is_file():
-        raise InputError(f"{path}: missing, expected a JSON file; copy or export the bundle again")
-    try:
-        value = json.loads(path.read_text("utf-8"))
-    except (ValueError, RecursionError) as error:
-        found = (
-            "0 bytes" if path.stat().st_size == 0 else f"no valid JSON ({str(error).splitlines()[0][:120]})"
-        )
-        raise InputError(
-            f"{path}: {found}, expected a JSON object; copy or export the bundle again"
-        ) from None
-    if not isinstance(value, dict):
-        raise InputError(
-            f"{path}: a JSON {type(value).__name__}, expected an object; copy or export the bundle again"
-        )
-    return value
+    """Return the JSON object in a file of a bundle; raises InputError as `documents.read_json`."""
+    return documents.read_json(path, "copy or export the bundle again")
 
 
 def check_graph(folder: Path) -> OnnxFile:
@@ -220,7 +206,7 @@ def _field(place: Path, values: dict[str, Any], key: str, kind: type[T], default
     out_of_range = isinstance(value, (int, float)) and not 0 < value < 1e6
     if type(value) is not kind or out_of_range:
         wanted = f"positive {kind.__name__}" if kind in (int, float) else kind.__name__
-        raise InputError(f"{place}: {key} is {value!r}, expected a {wanted}; correct it or export again")
+        raise InputError(f"{place}: {key} is {short(value)}, expected a {wanted}; correct it or export again")
     return value
 
 
@@ -228,7 +214,7 @@ def _numbers(place: Path, values: dict[str, Any], key: str, shape: tuple[int, ..
     """Return values[key] as nested tuples of finite floats of that shape."""
     try:
         array = np.array(values[key], np.float64)
-    except (TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         array = np.zeros(0)
     if array.shape != shape or not np.isfinite(array).all():
         raise InputError(f"{place}: {key}, expected {' x '.join(map(str, shape))} numbers; export again")
@@ -254,7 +240,9 @@ def _describe(folder: Path, described: dict[str, Any], files: dict[str, str], gr
     columns = _field(place, described, "camera", list, [])
     if unknown := [c for c in columns if c not in CAMERA_COLUMNS]:
         raise InputError(
-            f"{place}: camera lists {unknown[0]!r}, expected of {', '.join(CAMERA_COLUMNS)}; export again"
+            f"{place}: camera lists {short(unknown[0])}, expected of {', '.join(CAMERA_COLUMNS)}; "
+            "export again"
+            "export again"
         )
     views = _field(place, described, "views", int, 1)
     if views > MOST_VIEWS:

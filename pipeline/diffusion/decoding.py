@@ -15,6 +15,9 @@ from pipeline.diffusion.bundle import STABLE_DIFFUSION_LATENTS, read_json
 from pipeline.diffusion.sessions import Decode
 from pipeline.mesh.baking import extend_foreground
 
+LARGE_PICTURE = 512
+"""Pixels along a side."""
+
 
 def view_resolution(description: Path | None) -> int:
     """Return the side of the views to decode [latent pixels], from bundle.json; without one, for Stable
@@ -26,6 +29,12 @@ def view_resolution(description: Path | None) -> int:
     size = read_json(description).get("latent_size") if description else None
     trained = STABLE_DIFFUSION_LATENTS if size is None else int(size)
     return max(trained, min(2 * trained, STABLE_DIFFUSION_LATENTS))
+
+
+def views_to_decode(views: int, large_views: int, description: Path | None) -> int:
+    """Return how many views to decode: at most `large_views` where pictures are large."""
+    size = read_json(description).get("image_size") if description else None
+    return min(views, large_views) if size is None or int(size) >= LARGE_PICTURE else views
 
 
 def decode_foreground(

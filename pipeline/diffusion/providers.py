@@ -25,14 +25,19 @@ def provider_chain(name: str) -> list[str]:
 
     Raises InputError when this onnxruntime has no such provider; the text lists those it has.
     """
-    import onnxruntime
-
-    present = onnxruntime.get_available_providers()
+    version, known = present_providers()
     wanted = PROVIDERS.get(name, name)
-    if wanted not in present:
-        known = [short for short, long in PROVIDERS.items() if long in present]
+    if name not in known and wanted not in [PROVIDERS[short] for short in known]:
         raise InputError(
-            f"PROVIDER is {name!r}, but this onnxruntime {onnxruntime.__version__} has {', '.join(known)}: "
+            f"PROVIDER is {name!r}, but this onnxruntime {version} has {', '.join(known)}: "
             "choose one of these, or install the onnxruntime package that has it"
         )
     return list(dict.fromkeys([wanted, PROVIDERS["cpu"]]))
+
+
+def present_providers() -> tuple[str, list[str]]:
+    """Return the version of onnxruntime that is installed, and the short names of the providers it has."""
+    import onnxruntime
+
+    present = onnxruntime.get_available_providers()
+    return onnxruntime.__version__, [short for short, long in PROVIDERS.items() if long in present]

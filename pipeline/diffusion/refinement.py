@@ -27,12 +27,12 @@ from pipeline.training.batch import Batch, ViewGradient
 _MOST_PIXELS = 128
 
 
-def require_encoder(bundle: Bundle, inputs: Mapping[str, Path]) -> None:
-    """Raise InputError unless the bundle can encode pictures."""
+def require_encoder(bundle: Bundle, inputs: Mapping[str, Path], asked: str = "REFINE") -> None:
+    """Raise InputError unless the bundle can encode pictures, as what was `asked` for needs."""
     if "vae_encoder" not in inputs:
         raise InputError(
-            f"MODEL {bundle.name} has no vae_encoder, which RGB refinement needs: export the model with it, "
-            "or leave REFINE out"
+            f"MODEL {bundle.name} has no vae_encoder, which {asked} needs: export the model with it, "
+            f"or leave {asked} out"
         )
 
 

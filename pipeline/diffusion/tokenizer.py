@@ -23,6 +23,8 @@ from pipeline.errors import InputError
 
 BEGIN, END = "<|startoftext|>", "<|endoftext|>"
 CLIP_LENGTH = 77
+MOST_TOKENS = 10_000_000
+"""Rows of a text encoder's table: CLIP has 49,408."""
 _WORDS = r"""'s|'t|'re|'ve|'m|'ll|'d|[\p{L}]+|[\p{N}]|[^\s\p{L}\p{N}]+"""
 
 
@@ -95,9 +97,10 @@ def load_tokenizer(folder: Path) -> ClipTokenizer:
             fuse_unk=False,
         )
     except Exception as error:  # the package raises nothing more precise
+        said = " ".join(str(error).split())[:120]
+        blamed = folder / "merges.txt" if place.name == "vocab.json" else place
         raise InputError(
-            f"{folder / 'merges.txt'}: does not belong to the vocabulary ({str(error)[:120]}); "
-            "copy the bundle again"
+            f"{blamed}: its merges do not belong to the vocabulary ({said}); copy the bundle again"
         ) from None
     engine = Tokenizer(model)
     engine.normalizer, engine.pre_tokenizer = split_words()
@@ -142,7 +145,9 @@ def _read_vocabulary(folder: Path) -> tuple[dict[str, int], list[tuple[str, str]
         place = folder / "tokenizer.json"
         model = read_json(place).get("model", {})
         vocabulary = model.get("vocab") if isinstance(model, dict) else None
-        lines = model.get("merges", []) if isinstance(model, dict) else []
+        lines = model.get("merges") if isinstance(model, dict) else None
+        if not isinstance(lines, list) or not all(isinstance(line, str | list) for line in lines):
+            raise InputError(f"{place}: merges are no list of pairs; copy or export the bundle again")
         pairs = [tuple(line.split(" ")) if isinstance(line, str) else tuple(line) for line in lines]
     else:
         place = folder / "vocab.json"
@@ -154,7 +159,13 @@ def _read_vocabulary(folder: Path) -> tuple[dict[str, int], list[tuple[str, str]
         or not all(type(i) is int for i in vocabulary.values())
     ):
         raise InputError(f"{place}: no vocabulary of tokens and numbers; copy or export the bundle again")
-    merges = [(pair[0], pair[1]) for pair in pairs if len(pair) == 2]
+    low, high = min(vocabulary.values()), max(vocabulary.values())
+    if low < 0 or high >= MOST_TOKENS:
+        raise InputError(
+            f"{place}: token numbers run from {low} to {high}, expected 0 to {MOST_TOKENS - 1}; copy or "
+            "export the bundle again"
+        )
+    merges = [(pair[0], pair[1]) for pair in pairs if len(pair) == 2 and all(type(p) is str for p in pair)]
     if len(merges) < len(pairs):
         raise InputError(f"{place}: merges that are not pairs; copy or export the bundle again")
     return vocabulary, merges, place

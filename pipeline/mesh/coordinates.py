@@ -57,18 +57,27 @@ def make_coordinates(mesh: Mesh, resolution: int, padding: int, rewrap: bool) ->
 
 def unwrap_any(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[str, Any]]:
     """Unwrap a mesh that may hold faces without area, which xatlas would leave out: they cover no texel and
-    get the texture point of some neighbour. Vertices that share a position count as one, so that a chart may
-    go on across them."""
+    get the texture point of some neighbour. A face that stands there several times, which would cost xatlas
+    a chart each, is unwrapped once (what faces the other way is another face). Vertices that share a position
+    count as one, so that a chart may go on across them."""
     positions, welded = np.unique(mesh.vertices, axis=0, return_inverse=True)
     faces = welded.reshape(-1)[mesh.faces].astype(np.int32)
     whole = face_areas(Mesh(positions.astype(np.float32), faces)) > 1e-14
-    unwrapped, metrics = unwrap_mesh(Mesh(positions, faces[whole]), resolution, padding)
+    # Each once, as it is first written, turned so that its lowest vertex comes first.
+    turn = (faces[whole].argmin(axis=1)[:, None] + np.arange(3)) % 3
+    turned = np.take_along_axis(faces[whole], turn, axis=1)
+    _, first, of_whole = np.unique(turned, axis=0, return_index=True, return_inverse=True)
+    kept = np.sort(first)
+    unwrapped, metrics = unwrap_mesh(Mesh(positions, faces[whole][kept]), resolution, padding)
     assert unwrapped.uv_faces is not None
     of_vertex = np.zeros(len(positions), np.int32)
     of_vertex[unwrapped.faces.ravel()] = unwrapped.uv_faces.ravel()
     uv_faces = of_vertex[faces]
-    uv_faces[whole] = unwrapped.uv_faces
+    same = np.searchsorted(kept, first)[of_whole.reshape(-1)]
+    again = np.take_along_axis(unwrapped.uv_faces[same], turn[kept][same], axis=1)
+    uv_faces[whole] = np.take_along_axis(again, np.argsort(turn, axis=1), axis=1)
     return mesh._replace(uv=unwrapped.uv, uv_faces=uv_faces), {
         **metrics,
         "faces_without_area": int((~whole).sum()),
+        "faces_twice": int(whole.sum()) - len(kept),
     }

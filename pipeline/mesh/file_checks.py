@@ -5,16 +5,22 @@ Also the other files that a .gltf file needs.
 
 from __future__ import annotations
 
-import json
 import struct
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
+from pipeline.documents import parse_object
 from pipeline.errors import InputError
 
+FORMATS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 MOST_ELEMENTS = 20_000_000
 """Of one glTF accessor that has no data behind it and stands for zeros."""
+MOST_DEPTH = 100
+"""Of glTF nodes: a hand's skeleton has ten levels, and placing a node takes as long as it is deep."""
+_TRIANGLES = {4: "triangles", 5: "triangle strips", 6: "triangle fans"}
+_OTHERS = {0: "points", 1: "lines", 2: "line loops", 3: "line strips"}
+"""What glTF can draw beside these (specification, 3.7.2.1)."""
 SUPPORTED_EXTENSIONS = (
     "KHR_materials_",
     "KHR_texture_",
@@ -23,6 +29,45 @@ SUPPORTED_EXTENSIONS = (
     "KHR_mesh_quantization",
 )
 _PLY_HEADER = 1 << 16
+
+
+def check_file(path: Path) -> None:
+    """Raise InputError for a file that is no mesh by its name or by what its first bytes claim."""
+    if not path.is_file():
+        raise InputError(f"{path} does not exist or is no file: give the path of a mesh")
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
+        raise InputError(
+            f"{path}: the ending is {suffix or 'missing'}, expected one of {' '.join(FORMATS)}; "
+            "export the mesh in one of these formats"
+        )
+    if not path.stat().st_size:
+        raise InputError(f"{path}: 0 bytes, expected a mesh; export or copy it again")
+    check = {".ply": check_ply, ".stl": check_stl, ".glb": check_gltf, ".gltf": check_gltf}.get(suffix)
+    if check:
+        check(path)
+
+
+def check_stl(path: Path) -> None:
+    """Raise InputError for a binary STL file that is shorter than its triangles."""
+    with path.open("rb") as stream:
+        head = stream.read(84)
+    size = path.stat().st_size
+    count = struct.unpack("<I", head[80:])[0] if len(head) == 84 else 0
+    # Some binary files begin with the word too: they have just the right length.
+    if head.lstrip()[:5].lower() == b"solid" and size != 84 + 50 * count:
+        with path.open("rb") as stream:
+            stream.seek(max(0, size - 1024))
+            if b"endsolid" not in stream.read().lower():
+                raise InputError(
+                    f"{path}: a text STL without its end (endsolid); it is cut off: copy it again"
+                )
+        return
+    if len(head) < 84 or size < 84 + 50 * count:
+        raise InputError(
+            f"{path}: claims {count} triangles ({84 + 50 * count} bytes) in {size} bytes; the file is cut "
+            "off: copy it again"
+        )
 
 
 def check_ply(path: Path) -> None:
@@ -47,6 +92,7 @@ def check_gltf(path: Path) -> None:
     """Raise InputError for a glTF file with claims its data cannot keep, cyclic nodes, unknown compression or
     buffers outside its folder."""
     document = read_gltf_json(path)
+    _check_version(document, path)
     buffer_files(path)
     try:
         needed = [str(name) for name in document.get("extensionsRequired", ())]
@@ -57,8 +103,6 @@ def check_gltf(path: Path) -> None:
             most = MOST_ELEMENTS if view is None else int(views[view]["byteLength"])
             if not 0 <= count <= most:
                 raise InputError(f"{path}: accessor {index} claims {count} elements; the file is damaged")
-        for mesh in document.get("meshes", []):
-            _check_plain_numbers(mesh, accessors, path)
         children = [[int(child) for child in node.get("children", ())] for node in document.get("nodes", [])]
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
         raise InputError(
@@ -68,19 +112,40 @@ def check_gltf(path: Path) -> None:
         if not name.startswith(SUPPORTED_EXTENSIONS):
             raise InputError(f"{path}: needs the glTF extension {name[:60]}; export the mesh without it")
     _check_tree(children, path)
+    try:
+        _check_shown(document, path)
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
+        raise InputError(
+            f"{path}: not valid glTF ({type(error).__name__}: {error}); export it again"
+        ) from None
 
 
-def _check_plain_numbers(mesh: dict[str, Any], accessors: list[dict[str, Any]], path: Path) -> None:
-    """The reader passes over sparse changes, and takes integers as they stand, where `normalized` ones mean
-    shares of the largest. (Texture coordinates beyond [0, 1] are not used in any case.)"""
-    for primitive in mesh["primitives"]:
-        used = {name: primitive["attributes"].get(name) for name in ("POSITION", "TEXCOORD_0")}
-        for name, index in {**used, "indices": primitive.get("indices")}.items():
-            if index is not None and "sparse" in accessors[index]:
-                raise InputError(f"{path}: {name} is sparse; export the mesh without sparse accessors")
-        position = used["POSITION"]
-        if position is not None and accessors[position].get("normalized"):
-            raise InputError(f"{path}: POSITION is quantised; export the mesh without quantisation")
+def _check_version(document: dict[str, Any], path: Path) -> None:
+    asset = document.get("asset")
+    version = asset.get("version", "1.0") if isinstance(asset, dict) else "1.0"
+    if not str(version).startswith("2."):
+        raise InputError(f"{path}: glTF {str(version)[:20]} is not read: convert it to 2.0")
+
+
+def _check_shown(document: dict[str, Any], path: Path) -> None:
+    """Raise InputError where no node of the scene has a mesh, or no mesh has triangles."""
+    meshes, nodes = document.get("meshes", []), document.get("nodes", [])
+    modes = {int(primitive.get("mode", 4)) for mesh in meshes for primitive in mesh["primitives"]}
+    if modes and not modes & _TRIANGLES.keys():
+        names = ", ".join(_OTHERS.get(mode, f"mode {mode}") for mode in sorted(modes))
+        raise InputError(f"{path}: is made of {names}; export it as triangles")
+    scenes = document.get("scenes", [])
+    waiting = [int(node) for node in scenes[int(document.get("scene", 0))].get("nodes", [])] if scenes else []
+    shown: set[int] = set()
+    while waiting:
+        node = waiting.pop()
+        if node not in shown and 0 <= node < len(nodes):  # the tree is checked apart
+            shown.add(node)
+            waiting += [int(child) for child in nodes[node].get("children", ())]
+    if meshes and not any("mesh" in nodes[node] for node in shown):
+        raise InputError(
+            f"{path}: has {len(meshes)} meshes, but none in its scene; export it with a scene that shows them"
+        )
 
 
 def _check_tree(children: list[list[int]], path: Path) -> None:
@@ -93,11 +158,16 @@ def _check_tree(children: list[list[int]], path: Path) -> None:
                     f"{path}: glTF node {child} has no place in a tree of nodes; export it again"
                 )
             parent[child] = node
-    rooted = [node for node in range(len(children)) if node not in parent]
+    rooted = [(node, 1) for node in range(len(children)) if node not in parent]
     reached = 0
     while rooted:
         reached += 1
-        rooted += children[rooted.pop()]
+        node, depth = rooted.pop()
+        if depth > MOST_DEPTH:
+            raise InputError(
+                f"{path}: its glTF nodes are nested more than {MOST_DEPTH} deep; export the mesh without them"
+            )
+        rooted += [(child, depth + 1) for child in children[node]]
     if reached != len(children):
         raise InputError(f"{path}: its glTF nodes form a cycle; export it again")
 
@@ -115,23 +185,58 @@ def buffer_files(path: Path) -> list[Path]:
         raise InputError(f"{path}: not valid glTF (its buffers are no list); export it again")
     for buffer in buffers:
         uri = buffer.get("uri") if isinstance(buffer, dict) else None
-        if not isinstance(uri, str) or uri.startswith("data:"):
-            continue
-        name = unquote(uri)
-        file = path.parent / name
-        try:
-            inside = not Path(name).is_absolute() and file.resolve().is_relative_to(path.parent.resolve())
-            there = file.is_file()
-        except (OSError, ValueError):  # no name of a file: too long, or with a NUL
-            inside, there = True, False
-        if not inside:
-            raise InputError(
-                f"{path}: its buffer {name[:80]!r} lies outside its folder; put it beside the file"
-            )
-        if not there:
-            raise InputError(f"{path}: its buffer {name[:80]!r} is missing; copy it too, or export as .glb")
-        found.append(file)
+        if isinstance(uri, str) and not uri.startswith("data:"):
+            found.append(_beside(path, unquote(uri), "buffer"))
     return found
+
+
+def colour_files(path: Path) -> list[Path]:
+    """Return the files that a mesh takes its colours from: materials and textures of an OBJ, textures of a
+    .gltf (none for other files); they lie beside it.
+
+    Raises InputError for one that is missing or outside its folder.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".gltf":
+        images = read_gltf_json(path).get("images", [])
+        uris = [i.get("uri") for i in images if isinstance(i, dict)] if isinstance(images, list) else []
+        return [
+            _beside(path, unquote(uri), "texture")
+            for uri in uris
+            if isinstance(uri, str) and not uri.startswith("data:")
+        ]
+    if suffix != ".obj":
+        return []
+    found = []
+    for name in _words_after(path, "mtllib"):
+        library = _beside(path, name, "material file")
+        found.append(library)
+        for texture in _words_after(library, "map_kd"):
+            whole = (library.parent / texture).is_file()  # else options stand before the name
+            found.append(_beside(library, texture if whole else texture.split()[-1], "texture"))
+    return list(dict.fromkeys(found))
+
+
+def _words_after(path: Path, key: str) -> list[str]:
+    """Return what follows a key on the lines of a text file, each once."""
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    pairs = [(line.split(maxsplit=1) + ["", ""])[:2] for line in lines]
+    return list(dict.fromkeys(rest.strip() for word, rest in pairs if word.lower() == key and rest.strip()))
+
+
+def _beside(path: Path, name: str, what: str) -> Path:
+    """Return the file of that name in the folder of `path`, or below. Raises InputError if there is none."""
+    file = path.parent / name
+    try:
+        inside = not Path(name).is_absolute() and file.resolve().is_relative_to(path.parent.resolve())
+        there = file.is_file()
+    except (OSError, ValueError):  # no name of a file: too long, or with a NUL
+        inside, there = True, False
+    if not inside:
+        raise InputError(f"{path}: its {what} {name[:80]!r} lies outside its folder; put it beside the file")
+    if not there:
+        raise InputError(f"{path}: its {what} {name[:80]!r} is missing; copy it too, or export as .glb")
+    return file
 
 
 def read_gltf_json(path: Path) -> dict[str, Any]:
@@ -139,14 +244,35 @@ def read_gltf_json(path: Path) -> dict[str, Any]:
     data = path.read_bytes()
     try:
         if path.suffix.lower() == ".glb":
-            magic, _, _, length, kind = struct.unpack("<4sII I4s", data[:20])
+            magic, version, _, length, kind = struct.unpack("<4sII I4s", data[:20])
+            if magic == b"glTF" and version != 2:
+                raise ValueError(f"glTF {version} is not read: convert it to 2.0")
             if magic != b"glTF" or kind != b"JSON" or length > len(data) - 20:
                 raise ValueError("no glTF header")
             data = data[20 : 20 + length]
-        document = json.loads(data)
-    except (ValueError, struct.error, RecursionError) as error:
+        return parse_object(data)
+    except (ValueError, struct.error) as error:
         said = str(error).splitlines()[0][:120]
         raise InputError(f"{path}: not a readable glTF file ({said}); export it again") from None
-    if not isinstance(document, dict):
-        raise InputError(f"{path}: not a glTF file, its JSON is no object; export it again")
-    return document
+
+
+def beside(folder: Path, uri: str) -> Path | None:
+    """Return the file that a document in `folder` names, if it is one and lies there or below."""
+    try:
+        file = folder / unquote(uri)
+        inside = file.resolve().is_relative_to(folder.resolve())
+        return file if inside and file.is_file() else None
+    except (OSError, ValueError):  # no name of a file: too long, or with a NUL
+        return None
+
+
+def image_files(path: Path) -> list[Path]:
+    """Return the pictures that lie beside a .gltf or .glb file and belong to it."""
+    if path.suffix.lower() not in (".gltf", ".glb"):
+        return []
+    images = read_gltf_json(path).get("images", [])
+    uris = (
+        [image.get("uri") for image in images if isinstance(image, dict)] if isinstance(images, list) else []
+    )
+    named = [uri for uri in uris if isinstance(uri, str) and not uri.startswith("data:")]
+    return [file for file in (beside(path.parent, uri) for uri in named) if file is not None]

@@ -1,9 +1,8 @@
 """A textured mesh as binary glTF 2.0 (the Khronos specification, sections 3 and 4), the same bytes every
 time.
 
-+Y up, front +Z, metres. The material is unlit (KHR_materials_unlit): the texture holds the light that the
-diffusion model painted, and lighting it again would darken it twice. Viewers without the extension see a
-rough dielectric.
++Y up, front +Z, metres. The material is metallic-roughness, or unlit (KHR_materials_unlit): the texture as it
+is, with the light that the diffusion model painted and no other.
 """
 
 from __future__ import annotations
@@ -16,10 +15,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from pipeline.mesh.materials import Material
+
 FLOAT, UNSIGNED_INT = 5126, 5125
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 LINEAR, LINEAR_MIPMAP_LINEAR, CLAMP_TO_EDGE = 9729, 9987, 33071
 JSON_CHUNK, BINARY_CHUNK = b"JSON", b"BIN\0"
+GENERATOR = "latent-nerf-onnx"
+SAMPLER = {
+    "magFilter": LINEAR,
+    "minFilter": LINEAR_MIPMAP_LINEAR,
+    "wrapS": CLAMP_TO_EDGE,
+    "wrapT": CLAMP_TO_EDGE,
+}
 
 
 class Part(NamedTuple):
@@ -33,6 +41,8 @@ class Part(NamedTuple):
     normals: Float[np.ndarray, "c 3"] | None = None
     """Unit; without any, viewers show every face flat."""
     uv: Float[np.ndarray, "c 2"] | None = None
+    tangents: Float[np.ndarray, "c 4"] | None = None
+    """Unit, in the direction of growing u, and the sign of the bitangent: what a normal map refers to."""
     colours: Float[np.ndarray, "c 3"] | None = None
     """Linear light in [0, 1], as glTF wants vertex colours."""
 
@@ -40,12 +50,15 @@ class Part(NamedTuple):
 def glb_bytes(
     parts: Sequence[Part],
     png: bytes | None,
+    material: Material,
     *,
+    name: str = "albedo",
+    normal_png: bytes | None = None,
     translation: tuple[float, float, float] = (0.0, 0.0, 0.0),
     double_sided: bool = False,
 ) -> bytes:
-    """Return a GLB file of a mesh in named parts that share one material; `png`, its base-colour texture
-    (8-bit sRGB), is inside.
+    """Return a GLB file of a mesh in named parts that share one material, called `name`; `png`, its
+    base-colour texture (8-bit sRGB), and `normal_png`, its normal map in tangent space, are inside.
 
     `translation` moves the whole: float32 positions far from the origin would lose digits, a node's
     translation does not. Vertices at chart borders are repeated: `Part` holds them so.
@@ -55,13 +68,14 @@ def glb_bytes(
     meshes: list[dict[str, Any]] = []
     for row, part in enumerate(parts):
         attributes = {"POSITION": file.add(part.vertices, "VEC3", ARRAY_BUFFER, bounds=True)}
-        for name, values, kind in (
+        for attribute, values, kind in (
             ("NORMAL", part.normals, "VEC3"),
+            ("TANGENT", part.tangents, "VEC4"),
             ("TEXCOORD_0", part.uv, "VEC2"),
             ("COLOR_0", part.colours, "VEC3"),
         ):
             if values is not None:
-                attributes[name] = file.add(values, kind, ARRAY_BUFFER)
+                attributes[attribute] = file.add(values, kind, ARRAY_BUFFER)
         indices = file.add(part.faces, "SCALAR", ELEMENT_ARRAY_BUFFER)
         primitive = {"attributes": attributes, "indices": indices, "material": 0}
         meshes.append({"name": part.name, "primitives": [primitive]})
@@ -70,40 +84,54 @@ def glb_bytes(
     if any(translation):
         nodes.append({"name": "place", "translation": [*translation], "children": roots})
         roots = [len(nodes) - 1]
-    look = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
-    textured = {"baseColorTexture": {"index": 0}} if png is not None else {}
+    images = [
+        (label, image) for label, image in (("albedo", png), ("normal", normal_png)) if image is not None
+    ]
     document: dict[str, Any] = {
-        "asset": {"version": "2.0", "generator": "latent-nerf-onnx"},
-        "extensionsUsed": ["KHR_materials_unlit"],
+        "asset": {"version": "2.0", "generator": GENERATOR},
+        **({"extensionsUsed": ["KHR_materials_unlit"]} if material.unlit else {}),
         "scene": 0,
         "scenes": [{"nodes": roots}],
         "nodes": nodes,
         "meshes": meshes,
         "materials": [
             {
-                "name": "albedo",
-                "pbrMetallicRoughness": {**textured, **look},
+                "name": name,
+                **material_properties(material, 0 if png is not None else None),
+                **({"normalTexture": {"index": len(images) - 1}} if normal_png is not None else {}),
                 **({"doubleSided": True} if double_sided else {}),
-                "extensions": {"KHR_materials_unlit": {}},
             }
         ],
     }
-    if png is not None:
-        document |= _texture(file.append(png))
+    if images:
+        document |= _textures([(label, file.append(image)) for label, image in images])
     document |= file.description()
+    return container(document, bytes(file.binary))
+
+
+def container(document: dict[str, Any], binary: bytes) -> bytes:
+    """Return a GLB file of a document and the bytes of its one buffer (a multiple of four)."""
     text = json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
     text += b" " * (-len(text) % 4)
     body = struct.pack("<I4s", len(text), JSON_CHUNK) + text
-    body += struct.pack("<I4s", len(file.binary), BINARY_CHUNK) + file.binary
+    if binary:
+        body += struct.pack("<I4s", len(binary), BINARY_CHUNK) + binary
     return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
 
 
-def _texture(view: int) -> dict[str, Any]:
-    sampler = {"magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR}
+def material_properties(material: Material, texture: int | None) -> dict[str, Any]:
+    """Return what a glTF material says of light; `texture` is the row of its base colour (None: white)."""
+    factors = {"metallicFactor": material.metallic, "roughnessFactor": material.roughness}
+    colour = {} if texture is None else {"baseColorTexture": {"index": texture}}
+    unlit: dict[str, Any] = {"extensions": {"KHR_materials_unlit": {}}} if material.unlit else {}
+    return {"pbrMetallicRoughness": {**colour, **factors}, **unlit}
+
+
+def _textures(views: Sequence[tuple[str, int]]) -> dict[str, Any]:
     return {
-        "textures": [{"sampler": 0, "source": 0}],
-        "images": [{"name": "albedo", "mimeType": "image/png", "bufferView": view}],
-        "samplers": [{**sampler, "wrapS": CLAMP_TO_EDGE, "wrapT": CLAMP_TO_EDGE}],
+        "textures": [{"sampler": 0, "source": row} for row in range(len(views))],
+        "images": [{"name": name, "mimeType": "image/png", "bufferView": view} for name, view in views],
+        "samplers": [SAMPLER],
     }
 
 

@@ -167,25 +167,23 @@ def read_obj(path: Path) -> Mesh:
     return mesh
 
 
-def write_obj(path: Path, mesh: Mesh, material_library: str | None = None, normals: bool = False) -> None:
-    """Write an unwrapped mesh as OBJ; `material_library` names an MTL file whose material is `albedo`.
+def write_obj(
+    path: Path, mesh: Mesh, material_library: str | None = None, name: str = "", normals: bool = False
+) -> None:
+    """Write an unwrapped mesh as OBJ; `material_library` names an MTL file whose material, like the object,
+    is called `name`.
 
     Nine digits hold a float32 exactly, so that reading gives the same positions back.
     """
     uv, uv_faces = texture_points(mesh)
-    lines = [f"mtllib {material_library}"] if material_library else []
+    lines = [f"mtllib {material_library}", f"o {name}"] if material_library else []
     lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in mesh.vertices.tolist()]
     flipped = uv.astype(np.float64) * [1, -1] + [0, 1]
     lines += [f"vt {u:.9g} {v:.9g}" for u, v in flipped.tolist()]
     if normals:
         lines += [f"vn {x:.6f} {y:.6f} {z:.6f}" for x, y, z in vertex_normals(mesh).tolist()]
-    lines += ["usemtl albedo"] if material_library else []
+    lines += [f"usemtl {name}"] if material_library else []
     corners = [mesh.faces, uv_faces, mesh.faces] if normals else [mesh.faces, uv_faces]
     for face in (np.stack(corners, axis=-1) + 1).tolist():
         lines.append("f " + " ".join("/".join(map(str, corner)) for corner in face))
-    path.write_text("\n".join(lines) + "\n", encoding="ascii")
-
-
-def material_text(texture: str) -> str:
-    """Return the MTL file: an unlit material (illum 0) whose colour is the texture of that name."""
-    return f"newmtl albedo\nKa 0 0 0\nKd 1 1 1\nKs 0 0 0\nillum 0\nmap_Kd {texture}\n"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -2,9 +2,10 @@
 
 trimesh would drop faces at NaN vertices without a word, split vertices at chart borders and take parts
 for materials; this keeps what the file says. Read are `v`, `vt`, `f` (any polygon, indices from 1 or
-backwards from -1), and the names after `o`, `g` and `usemtl`; the rest, materials included, is passed over.
+backwards from -1), `vn`, and the names after `o`, `g` and `usemtl`; the rest, materials included, is passed
+over.
 
-Letters: v vertices, t texture points, p polygons, c corners of these, f triangles.
+Letters: v vertices, t texture points, n normals, p polygons, c corners of these, f triangles.
 """
 
 from __future__ import annotations
@@ -31,6 +32,11 @@ class ObjArrays(NamedTuple):
     """Origin at the bottom left, as in the file."""
     uv_faces: Int[np.ndarray, "f 3"]
     """-1 where a corner has no texture point."""
+    normals: Float[np.ndarray, "n 3"]
+    normal_faces: Int[np.ndarray, "f 3"]
+    """-1 where a corner has no normal."""
+    corners: Int[np.ndarray, "f 3"]
+    """Which of all corners of `f` lines, in their order, a triangle has."""
 
 
 def parse_obj(path: Path) -> ObjArrays:
@@ -41,14 +47,14 @@ def parse_obj(path: Path) -> ObjArrays:
     """
     vertices: list[list[float]] = []
     uv: list[list[float]] = []
-    corners: list[tuple[int, int]] = []
+    normals: list[list[float]] = []
+    corners: list[tuple[int, int, int]] = []
     sides: list[int] = []
     named: list[tuple[str, str, str]] = []
     current = {"o": "", "g": "", "usemtl": ""}
     number = 0
     try:
-        text = path.read_text(encoding="utf-8-sig", errors="replace")
-        for line in text.replace("\\\n", " ").split("\n"):
+        for line in obj_lines(path):
             number += 1
             key, rest = (line.split(maxsplit=1) + ["", ""])[:2]
             if key == "v":
@@ -56,9 +62,11 @@ def parse_obj(path: Path) -> ObjArrays:
                 vertices.append([float(x), float(y), float(z)])
             elif key == "vt":
                 uv.append([float(word) for word in (rest.split() + ["0"])[:2]])
+            elif key == "vn":
+                normals.append(_normal(rest))
             elif key == "f":
                 words = rest.partition("#")[0].split()
-                corners += [_corner(word, len(vertices), len(uv)) for word in words]
+                corners += [_corner(word, len(vertices), len(uv), len(normals)) for word in words]
                 sides.append(len(words))
                 named.append((current["o"], current["g"], current["usemtl"]))
             elif key in current:
@@ -70,7 +78,7 @@ def parse_obj(path: Path) -> ObjArrays:
             f"{path}: line {number} is no OBJ statement ({error}); expected lines such as v 0 0 1 and "
             "f 1 2 3; export the mesh again"
         ) from None
-    indices = np.array(corners, np.int64).reshape(-1, 2)
+    indices = np.array(corners, np.int64).reshape(-1, 3)
     triangles, polygon = _triangulate(points, indices[:, 0], np.array(sides, np.int64))
     level = next((i for i in range(3) if any(name[i] for name in named)), 0)
     parts = [name[level] or path.stem for name in named]
@@ -84,7 +92,16 @@ def parse_obj(path: Path) -> ObjArrays:
         names,
         texture_points,
         indices[triangles, 1],
+        np.array(normals, np.float64).reshape(-1, 3),
+        indices[triangles, 2],
+        triangles,
     )
+
+
+def obj_lines(path: Path) -> list[str]:
+    """Return the lines of an OBJ file, those that a backslash continues as one."""
+    text = path.read_text(encoding="utf-8-sig", errors="replace")
+    return text.replace("\\\n", " ").split("\n")
 
 
 def _triangulate(
@@ -127,11 +144,31 @@ def _cut_ears(ring: Float[np.ndarray, "n 3"], normal: Float[np.ndarray, " 3"]) -
     return np.where(turned[:, None], ears[:, ::-1], ears).astype(np.int64)
 
 
-def _corner(word: str, vertices: int, points: int) -> tuple[int, int]:
-    """Return the indices of a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`, from 0; no texture point is -1."""
-    first, _, rest = word.partition("/")
-    second = rest.partition("/")[0]
-    return _from_zero(first, vertices), _from_zero(second, points) if second else -1
+def _corner(word: str, vertices: int, points: int, normals: int) -> tuple[int, int, int]:
+    """Return the indices of a corner `v`, `v/vt`, `v//vn` or `v/vt/vn`, from 0; what is not there is -1."""
+    first, second, third = (word.split("/", 2) + ["", ""])[:3]
+    return (
+        _from_zero(first, vertices),
+        _from_zero(second, points) if second else -1,
+        _row(third, normals),
+    )
+
+
+def _row(word: str, count: int) -> int:
+    """Return the index of a normal from 0, -1 if there is none or it cannot be: a mesh does without."""
+    try:
+        return _from_zero(word, count)
+    except ValueError:
+        return -1
+
+
+def _normal(rest: str) -> list[float]:
+    """Return three numbers, NaN where the line has none."""
+    try:
+        x, y, z = (float(word) for word in rest.split()[:3])
+    except ValueError:
+        x = y = z = np.nan
+    return [x, y, z]
 
 
 def _from_zero(word: str, count: int) -> int:

@@ -6,21 +6,19 @@ t texture points.
 
 from __future__ import annotations
 
-import re
-from collections import Counter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
 from pipeline.errors import InputError
-from pipeline.mesh.file_checks import check_gltf, check_ply
+from pipeline.mesh.file_checks import check_file
+from pipeline.mesh.gltf_reader import Piece, read_gltf
 from pipeline.mesh.mesh import Mesh, check_mesh
 from pipeline.mesh.obj_reader import parse_obj
 
-FORMATS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 MOST_FACES = 5_000_000
 LEAST_EXTENT, MOST_EXTENT = 1e-30, 1e30
 """Beyond these the asset's float32 positions would run out of range."""
@@ -41,6 +39,9 @@ class InputMesh(NamedTuple):
     uv_faces: Int[np.ndarray, "f 3"] | None
     untextured: int
     """Triangles for whose lack of texture points those of the others are not used."""
+    normals: Float[np.ndarray, "n 3"] | None = None
+    """float64, as the file has them; None: some triangle has none, and viewers show it flat."""
+    normal_faces: Int[np.ndarray, "f 3"] | None = None
 
 
 def read_mesh(path: Path) -> InputMesh:
@@ -50,16 +51,11 @@ def read_mesh(path: Path) -> InputMesh:
         InputError: no such file, another format, unreadable, no faces, NaN or infinite vertices, indices out
             of range, no extent.
     """
-    if not path.is_file():
-        raise InputError(f"{path} does not exist or is no file: give the path of a mesh")
+    check_file(path)
     suffix = path.suffix.lower()
-    if suffix not in FORMATS:
-        raise InputError(
-            f"{path}: the ending is {suffix or 'missing'}, expected one of {' '.join(FORMATS)}; "
-            "export the mesh in one of these formats"
-        )
-    mesh = _read_obj(path) if suffix == ".obj" else _read_other(path, suffix)
-    return _check(mesh, path)
+    if suffix in (".glb", ".gltf"):
+        return _check(_read_gltf(path), path)
+    return _check(_read_obj(path) if suffix == ".obj" else _read_other(path, suffix), path)
 
 
 def _read_obj(path: Path) -> InputMesh:
@@ -70,6 +66,9 @@ def _read_obj(path: Path) -> InputMesh:
             f"{path}: a face uses texture point {arrays.uv_faces.max() + 1} of {len(arrays.uv)}; export the "
             "mesh again, or without texture coordinates"
         )
+    normals = arrays.normal_faces
+    has_normals = len(normals) > 0 and 0 <= normals.min() <= normals.max() < len(arrays.normals)
+    has_normals = has_normals and bool(np.isfinite(arrays.normals[normals]).all())
     return InputMesh(
         arrays.vertices,
         _narrow(arrays.faces, len(arrays.vertices), path),
@@ -78,26 +77,32 @@ def _read_obj(path: Path) -> InputMesh:
         arrays.uv * [1, -1] + [0, 1] if has_uv else None,
         arrays.uv_faces.astype(np.int32) if has_uv else None,
         int((arrays.uv_faces < 0).any(axis=1).sum()) if (arrays.uv_faces >= 0).any() else 0,
+        arrays.normals if has_normals else None,
+        arrays.normal_faces.astype(np.int32) if has_normals else None,
     )
+
+
+def _read_gltf(path: Path) -> InputMesh:
+    _, pieces = read_gltf(path)
+    parts = [_Part(*_outwards(piece), piece.uv, piece.normals) for piece in pieces]
+    return _joined(parts, path, [piece.name for piece in pieces])
+
+
+def _outwards(piece: Piece) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]:
+    """Return vertices and faces; those of a mirror image, which is inside out, are turned."""
+    return piece.vertices, piece.faces[:, ::-1] if piece.mirrored else piece.faces
 
 
 def _read_other(path: Path, suffix: str) -> InputMesh:
     """Read with trimesh what is left after the checks that it lacks."""
-    if suffix == ".ply":
-        check_ply(path)
-    elif suffix in (".glb", ".gltf"):
-        check_gltf(path)
     try:
         scene = trimesh.load_scene(path, file_type=suffix[1:], process=False, validate=False)
-        order = {name: row for row, name in enumerate(scene.geometry)}
-        placed = [(label, *scene.graph[node]) for node, label in _labels(scene.graph, order).items()]
-        placed.sort(key=lambda item: (order[item[2]], item[0]))
         parts = [
-            (label, scene.geometry[name], np.asarray(transform, np.float64))
-            for label, transform, name in placed
-            if isinstance(scene.geometry[name], trimesh.Trimesh)
+            _part(geometry, welded=suffix == ".stl")
+            for geometry in scene.geometry.values()
+            if isinstance(geometry, trimesh.Trimesh)
         ]
-        return _merge(parts, path, welded=suffix == ".stl", named=suffix in (".glb", ".gltf"))
+        return _joined(parts, path, [path.stem] * len(parts))
     except InputError:
         raise
     except (
@@ -107,56 +112,54 @@ def _read_other(path: Path, suffix: str) -> InputMesh:
         raise InputError(f"{path}: not a readable {suffix[1:]} mesh ({said}); export it again") from None
 
 
-def _labels(graph: Any, order: dict[str, int]) -> dict[str, str]:
-    """Return the name of every node that shows something. trimesh puts the primitives of a mesh that has
-    several into nodes below the mesh's, with random letters: here these are counted, in the file's order,
-    past names that other nodes have."""
-    count: Counter[str] = Counter()
-    labels, taken = {}, set(graph.nodes)
-    for node in sorted(graph.nodes_geometry, key=lambda node: order[graph[node][1]]):
-        parent = graph.transforms.parents.get(node, "")
-        if re.fullmatch(re.escape(parent) + "_[0-9a-f]{6}", node):
-            while (label := f"{parent}_{count[parent]}") in taken:
-                count[parent] += 1
-            taken.add(label)
-            labels[node] = label
-        else:
-            labels[node] = node
-    return labels
+class _Part(NamedTuple):
+    vertices: Float[np.ndarray, "v 3"]
+    faces: Int[np.ndarray, "f 3"]
+    uv: Float[np.ndarray, "v 2"] | None
+    normals: Float[np.ndarray, "v 3"] | None
 
 
-def _merge(parts: list[tuple[str, Any, np.ndarray]], path: Path, *, welded: bool, named: bool) -> InputMesh:
-    """Put parts into one scene. `welded`: corners at one position are one vertex; STL has no indices."""
-    vertices, faces, part, uvs = [], [], [], []
-    start = 0
-    for row, (_, geometry, transform) in enumerate(parts):
-        points = np.asarray(geometry.vertices, np.float64)
-        index = np.asarray(geometry.faces, np.int64).reshape(-1, 3)
-        if welded:
-            points, inverse = np.unique(points, axis=0, return_inverse=True)
-            index = inverse.reshape(-1)[index]
-        _narrow(index, len(points), path)
-        if not np.array_equal(transform, np.eye(4)):
-            points = points @ transform[:3, :3].T + transform[:3, 3]
-            if np.linalg.det(transform[:3, :3]) < 0:  # a mirror image turns its faces inside out
-                index = index[:, ::-1]
-        vertices.append(points)
-        faces.append(index + start)
-        part.append(np.full(len(index), row, np.int32))
-        uv = getattr(geometry.visual, "uv", None)
-        uvs.append(None if welded or uv is None or len(uv) != len(points) else np.asarray(uv, np.float64))
-        start += len(points)
-    index = np.concatenate(faces).astype(np.int32) if faces else np.zeros((0, 3), np.int32)
-    known = [uv[:, :2] for uv in uvs if uv is not None]
-    has_uv = len(known) == len(parts) > 0
-    return InputMesh(
-        np.concatenate(vertices) if vertices else np.zeros((0, 3)),
+def _part(geometry: trimesh.Trimesh, *, welded: bool) -> _Part:
+    """Return what trimesh read. `welded`: corners at one position are one vertex; STL has no indices."""
+    points = np.asarray(geometry.vertices, np.float64)
+    index = np.asarray(geometry.faces, np.int64).reshape(-1, 3)
+    if welded:
+        points, inverse = np.unique(points, axis=0, return_inverse=True)
+        return _Part(points, inverse.reshape(-1)[index], None, None)
+    uv = getattr(geometry.visual, "uv", None)
+    has_uv = uv is not None and len(uv) == len(points)
+    raw = geometry.metadata.get("_ply_raw", {}).get("vertex", {}).get("properties", {})
+    has_normals = {"nx", "ny", "nz"} <= set(raw)  # trimesh makes some where a file has none
+    return _Part(
+        points,
         index,
-        np.concatenate(part) if part else np.zeros(0, np.int32),
-        tuple(node if named else path.stem for node, _, _ in parts),
-        np.concatenate(known) * [1, -1] + [0, 1] if has_uv else None,
+        np.asarray(uv, np.float64)[:, :2] * [1, -1] + [0, 1] if has_uv else None,
+        np.asarray(geometry.vertex_normals, np.float64) if has_normals else None,
+    )
+
+
+def _joined(parts: list[_Part], path: Path, names: list[str]) -> InputMesh:
+    """Put parts into one mesh. Texture points and normals are taken where every part has them."""
+    start, faces = 0, []
+    for part in parts:
+        _narrow(part.faces, len(part.vertices), path)
+        faces.append(part.faces + start)
+        start += len(part.vertices)
+    index = np.concatenate(faces).astype(np.int32) if faces else np.zeros((0, 3), np.int32)
+    sizes = [len(part.faces) for part in parts]
+    uv = [part.uv for part in parts if part.uv is not None]
+    normals = [part.normals for part in parts if part.normals is not None]
+    has_uv, has_normals = len(uv) == len(parts) > 0, len(normals) == len(parts) > 0
+    return InputMesh(
+        np.concatenate([part.vertices for part in parts]) if parts else np.zeros((0, 3)),
+        index,
+        np.repeat(np.arange(len(parts), dtype=np.int32), sizes),
+        tuple(names),
+        np.concatenate(uv) if has_uv else None,
         index if has_uv else None,
-        sum(len(g.faces) for (_, g, _), uv in zip(parts, uvs, strict=True) if uv is None) if known else 0,
+        sum(size for size, part in zip(sizes, parts, strict=True) if part.uv is None) if uv else 0,
+        np.concatenate(normals) if has_normals else None,
+        index if has_normals else None,
     )
 
 

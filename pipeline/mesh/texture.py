@@ -46,8 +46,18 @@ class Texels(NamedTuple):
         return mask.reshape(self.size, self.size)
 
 
-def surface_texels(mesh: Mesh, size: int) -> Texels:
-    """Return the texels of a `size` x `size` texture that lie on the mesh, with their places on it."""
+class Covered(NamedTuple):
+    """The texels that faces cover; see `Texels`."""
+
+    place: Int[np.ndarray, " n"]
+    face: Int[np.ndarray, " n"]
+    barycentric: Float[np.ndarray, "n 3"]
+    """float32, of the face's corners."""
+    overlap: float
+
+
+def covered_texels(mesh: Mesh, size: int) -> Covered:
+    """Return the texels of a `size` x `size` texture that lie on the mesh, and where in which face."""
     uv, uv_faces = texture_points(mesh)
     face = np.full((size, size), -1, np.int32)
     barycentric = np.zeros((size, size, 3), np.float32)
@@ -56,15 +66,19 @@ def surface_texels(mesh: Mesh, size: int) -> Texels:
     kernel.draw_charts(corners, face, barycentric, cover)
     _claim_between_centres(corners, face, barycentric)
     place = np.flatnonzero(face >= 0)
-    weights = barycentric.reshape(-1, 3)[place]
-    of_texel = face.ravel()[place]
-    corner = mesh.faces[of_texel]
+    overlap = float((cover > 1).sum() / max(len(place), 1))
+    return Covered(place, face.ravel()[place], barycentric.reshape(-1, 3)[place], overlap)
+
+
+def surface_texels(mesh: Mesh, size: int) -> Texels:
+    """Return the texels of a `size` x `size` texture that lie on the mesh, with their places on it."""
+    place, face, weights, overlap = covered_texels(mesh, size)
+    corner = mesh.faces[face]
     position = np.einsum("nk,nki->ni", weights, mesh.vertices.astype(np.float32)[corner])
     normal = np.einsum("nk,nki->ni", weights, vertex_normals(mesh)[corner])
-    flat = face_normals(mesh)[of_texel]  # where smooth normals cancel out, the face's own
+    flat = face_normals(mesh)[face]  # where smooth normals cancel out, the face's own
     normal = np.where((normal * flat).sum(axis=1, keepdims=True) > 0, normal, flat)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-20)
-    overlap = float((cover > 1).sum() / max(len(place), 1))
     return Texels(size, place, position.astype(np.float32), normal.astype(np.float32), overlap)
 
 
@@ -183,13 +197,19 @@ def fill_unseen(
     return filled
 
 
-def paint(colours: Float[np.ndarray, "n 3"], texels: Texels, padding: int) -> Float[np.ndarray, "s s 3"]:
-    """Return the texture, its islands widened by `padding` texels of their border's colour, the mean beyond.
+def paint(
+    colours: Float[np.ndarray, "n 3"],
+    texels: Texels,
+    padding: int,
+    beyond: tuple[float, float, float] | None = None,
+) -> Float[np.ndarray, "s s 3"]:
+    """Return the texture, its islands widened by `padding` texels of their border's colour; what is further
+    away is `beyond`, or the mean.
 
     Bilinear lookups and mip maps read across an island's border; the padding is what they must find there.
     """
     flat = np.empty((texels.size * texels.size, 3), np.float32)
-    flat[:] = colours.mean(axis=0)
+    flat[:] = colours.mean(axis=0) if beyond is None else beyond
     flat[texels.place] = colours
     texture = flat.reshape(texels.size, texels.size, 3)
     distance, (row, column) = distance_transform_edt(~texels.mask, return_indices=True)

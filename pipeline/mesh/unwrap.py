@@ -18,6 +18,7 @@ from pipeline.mesh.texture import surface_texels
 FULL = 0.95  # share of the texture that charts and their padding would fill at the first scale tried
 SHRINK = 0.985  # least step by which the scale falls while the charts do not fit
 TRIES = 60
+MANY = 2000  # so many charts take a second a try: fewer tries count for more than the last percent of space
 ROOM = 8  # charts are at least so many paddings wide, on average: narrower ones would be all padding
 
 
@@ -65,6 +66,8 @@ def _pack(
     Asked for a resolution, xatlas takes it as a hint and overshoots by a fifth; asked for a scale, it obeys.
     Only the packing is repeated (a tenth of a second each), not the charts.
     """
+    if charts * (1 + padding) ** 2 > resolution**2:  # not even with a texel each
+        return None, charts
     edge_1, edge_2 = flat[index[:, 1]] - flat[index[:, 0]], flat[index[:, 2]] - flat[index[:, 0]]
     area = 0.5 * np.abs(edge_1[:, 0] * edge_2[:, 1] - edge_1[:, 1] * edge_2[:, 0]).sum()
     # Squares of equal size, each with its padding on two sides.
@@ -79,7 +82,7 @@ def _pack(
         atlas.generate(xatlas.ChartOptions(), pack)
         source, packed_index, uv = atlas[0]
         longest = max(atlas.width, atlas.height)
-        scale *= min(SHRINK, (resolution / longest) ** 0.25)
+        scale *= min(SHRINK, (resolution / longest) ** (0.25 if charts < MANY else 0.9))
         if longest <= resolution and atlas.atlas_count == 1:
             texels = np.empty((len(flat), 2), np.float64)
             texels[source] = uv.astype(np.float64) * [atlas.width, atlas.height]

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from torch import nn
 
 from pipeline import arrays
+from pipeline.documents import parse_json
 from pipeline.errors import InputError
 from pipeline.nerf.field import FieldShape, LatentField
 from pipeline.nerf.linear_rgb import LinearRgb
@@ -85,7 +86,7 @@ def from_arrays(values: Mapping[str, np.ndarray]) -> Scene:
         ValueError: an array is absent or has another shape or type.
     """
     try:
-        header = json.loads(values["header"].tobytes())
+        header = parse_json(values["header"].tobytes())
         rng = np.random.default_rng(0)  # what it initialises is overwritten
         field = LatentField(FieldShape(**header["field"]), rng)
         field.sharpening = float(header["sharpening"])

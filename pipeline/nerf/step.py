@@ -26,7 +26,7 @@ from pipeline.nerf.sketch_loss import shape_loss
 from pipeline.nerf.sketch_start import grow
 from pipeline.options.nerf import TrainNerf
 from pipeline.sketch.lattice import Sketch, solid_cells
-from pipeline.training.adam import Adam
+from pipeline.training.adam import Adam, rate_share
 from pipeline.training.background import FlatBackground, LearnedBackground
 from pipeline.training.batch import (
     Batch,
@@ -110,6 +110,8 @@ def make_optimizer(scene: Scene, options: TrainNerf) -> Adam:
     )
 
 
+Draw = Callable[[int], Batch]
+"""The steps done -> the next batch."""
 Compose = Callable[[Scene, Rays, RayOutputs, Batch], Float[Tensor, "r c"]]
 """What a ray shows of what it met, over its background."""
 
@@ -131,13 +133,16 @@ def training_step(
     sketch: Sketch | None = None,
     compose: Compose = latents_over_background,
     noise_size: int | None = None,
+    draw: Draw | None = None,
+    cooling: float = 0.0,
 ) -> NerfMetrics:
     """Render views of `resolution`^2 latent pixels, ask for their gradient, update the scene (once, or
     `updates_per_call` times towards what was asked for).
 
     A `sketch` holds the density of all samples to its shape; rendering never skips its inside, since what is
     not sampled cannot grow. `compose` says what `view_gradient` is shown, `noise_size` the side of its noise
-    [latent pixels] where that is not the side of a view.
+    [latent pixels] where that is not the side of a view. `draw` gives the batch of a step in place of
+    `draw_batch`. `cooling`: over this last share of the run the learning rates fall to a tenth.
 
     Raises:
         FloatingPointError: a NaN or an infinity, named by tensor and step; the state is then not to be used.
@@ -145,10 +150,14 @@ def training_step(
     clock = _Clock()
     scene, step = state.scene, state.step
     progress, rate = pace(step, options.steps, state.converged_at)
+    rate *= rate_share(cooling, progress)
     scene.field.sharpening = options.density_sharpening ** max(0.0, 2 * progress - 1)
     if step % occupancy.REFRESH_EVERY == 0:
         refresh_occupancy(state, sketch)
-    batch = draw_batch(options, progress, noise_size or resolution, scene, state.rng)
+    if draw is None:
+        batch = draw_batch(options, progress, noise_size or resolution, scene, state.rng)
+    else:
+        batch = draw(step)
     rays = make_rays(batch.cameras, resolution, state.rng)
     clock.lap("rest")
 

@@ -50,17 +50,22 @@ def train(
     keep: Keep = nothing,
     show: Show = nothing,
     sketch: Sketch | None = None,
+    cooling: float = 0.0,
+    until: int | None = None,
+    stage: str = "train_nerf",
 ) -> None:
     """Take the steps that `state` has not done yet, then settle its occupancy; record each in `history`.
 
-    A scene that has converged, by `options.convergence`, is cooled and takes no further steps. `keep` and
-    `show`: see `training.loop.take_steps`, which also says what is raised.
+    Over the last share `cooling` of the run the learning rates fall to a tenth. A scene that has converged,
+    by `options.convergence`, is cooled and takes no further steps. `keep`, `show`, and what is raised: see
+    `training.loop.take_steps`. `until`: stop after so many steps, unsettled, in a state from which another
+    call goes on as if there had been no stop.
     """
     cameras = preview_cameras(options)
     first = first_decision(options.steps) if options.convergence > 0 else None
 
     def step(state: State) -> NerfMetrics:
-        metrics = training_step(state, options, resolution, view_gradient, sketch=sketch)
+        metrics = training_step(state, options, resolution, view_gradient, sketch=sketch, cooling=cooling)
         if state.converged_at is None and _has_converged(state):
             state.converged_at, state.snapshots = state.step, []
         return metrics
@@ -74,7 +79,14 @@ def train(
         state.snapshots = [*state.snapshots, take_snapshot(state.scene, cameras, resolution)][-SNAPSHOTS:]
         return state.step >= first and converged(state.snapshots, options.convergence)
 
-    finish("train_nerf", state, history, options, step, keep, show)
+    if until is None:
+        finish(stage, state, history, options, step, keep, show)
+    else:
+        take_steps(stage, state, history, options, step, keep=keep, show=show, note=_note, last=lambda: until)
+
+
+def _note(metrics: NerfMetrics) -> str:
+    return f"gradient {metrics.gradient_norm:.2f}, opacity {metrics.opacity:.2f}"
 
 
 def finish(
@@ -96,7 +108,7 @@ def finish(
         step,
         keep=keep,
         show=show,
-        note=lambda metrics: f"gradient {metrics.gradient_norm:.2f}, opacity {metrics.opacity:.2f}",
+        note=_note,
         last=lambda: last_step(options.steps, state.converged_at),
     )
     if state.converged_at is not None:

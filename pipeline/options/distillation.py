@@ -54,7 +54,9 @@ class Distillation:
         "random", "a random flat colour each view, or a learned one"
     )
     checkpoint_every: int = option(100, "steps between checkpoints", 1, 100_000)
-    preview_every: int = option(50, "steps between preview images", 1, 100_000)
+    preview_every: int = option(
+        0, "steps between preview images; 0: every 5 seconds, or every step if these are slower", 0, 100_000
+    )
     radius: tuple[float, float] = option((1.0, 1.5), "camera distance, from and to [scene units]", 0.1, 100)
     fov_degrees: tuple[float, float] = option((40.0, 70.0), "field of view, from and to [degrees]", 1, 170)
     polar_degrees: tuple[float, float] = option(

@@ -2,9 +2,9 @@
 
 A job is resolved from, in rising order of precedence: the defaults below (the paper's values where it gives
 them), the quality table, the ``distillation`` section of the model's bundle.json, the YAML file named by
-JOB, and the environment variables PROMPT, NEGATIVE, TOKEN, MODEL, SEED, QUALITY, SKETCH, SIGMA_S,
-REFINE, MESH, PARAM, PROVIDER. The resolved job is complete: it is what a run's job.yaml holds, and its hash
-names the run's folder.
+JOB, and the environment variables PROMPT, NEGATIVE, TOKEN, MODEL, SEED, SEEDS, QUALITY, SKETCH, SIGMA_S,
+REFINE, MESH, PARAM, START, STRENGTH, PROVIDER, UNLIT, PIVOT and SIZE_M. The resolved job is complete: it is
+what a run's job.yaml holds, and its hash names the run's folder.
 
 This module is imported before anything runs, so it imports nothing heavy.
 """
@@ -19,15 +19,20 @@ from typing import Any, Literal
 
 import yaml
 
+from pipeline.documents import read_json
 from pipeline.errors import InputError
 from pipeline.options.asset import Bake, Clean, Extract, Publish, Unwrap
 from pipeline.options.distillation import Distillation
-from pipeline.options.nerf import Refinement, SketchField, TrainNerf
+from pipeline.options.models import DEFAULT_MODEL as DEFAULT_MODEL
+from pipeline.options.models import MODELS as MODELS
+from pipeline.options.models import bundle_folder as bundle_folder
+from pipeline.options.models import known_models as known_models
+from pipeline.options.models import new_models as new_models
+from pipeline.options.nerf import Contest, Refinement, SketchField, TrainNerf
 from pipeline.options.paint import BakePaint, Prepare, TrainPaint
+from pipeline.options.quality import HAND_OVER, QUALITY
 from pipeline.options.schema import build, check, check_text, option, plain, read_yaml, short
-
-MODELS = Path(__file__).resolve().parents[2] / "onnx_models"
-DEFAULT_MODEL = "everyday-objects"
+from pipeline.options.start import StartFit, check_start, lasting
 
 
 @dataclass(frozen=True)
@@ -39,6 +44,8 @@ class Job:
     token: str = option("", "textual inversion: files of learned tokens in the prompt, commas between them")
     model: str = option(DEFAULT_MODEL, "a folder under onnx_models/, or a path to one")
     seed: int = option(0, "seed of every random number", 0, 2**32 - 1)
+    seeds: int = option(1, "so many seeds, from `seed` on, begin; the best one goes on", 1, 64)
+    contest: Contest = field(default_factory=Contest)
     provider: Literal["cpu", "cuda", "tensorrt", "rocm", "migraphx", "openvino", "dml", "coreml"] = option(
         "cpu", "what onnxruntime runs the model on"
     )
@@ -51,6 +58,13 @@ class Job:
     param: Literal["texture", "face"] = option(
         "texture", "how a mesh is painted: with a texture, or with one colour a face (no texture coordinates)"
     )
+    start: str = option(
+        "", "what to go on from: the folder of a run, or a textured mesh; empty: from nothing"
+    )
+    strength: float = option(
+        0.5, "how far to go from the start: the noise level that distillation sets out from", 0.01, 1
+    )
+    start_fit: StartFit = field(default_factory=StartFit)
     train_nerf: TrainNerf = field(default_factory=TrainNerf)
     extract: Extract = field(default_factory=Extract)
     clean: Clean = field(default_factory=Clean)
@@ -63,7 +77,7 @@ class Job:
 
     def __post_init__(self) -> None:
         check(self)
-        for name in ("prompt", "negative", "token", "sketch", "mesh"):
+        for name in ("prompt", "negative", "token", "sketch", "mesh", "start"):
             check_text(name, getattr(self, name))
         if not self.prompt.strip():
             raise InputError(
@@ -71,65 +85,44 @@ class Job:
             )
 
 
-# Chosen from `make bench ONLY=oracle`, and by looking at what the bundled model makes: after 300 steps it is
-# not better than after 200, after 400 its armchair has a second back in place of the seat. A cell of 192 is
-# two thirds of one of 128: normals are off by 14.1 degrees without more smoothing, by 12.9 with it. What 60
-# steps paint has not arrived yet: cooled, it is .7 dB worse.
-QUALITY: dict[str, dict[str, dict[str, Any]]] = {
-    "draft": {
-        "train_nerf": {"steps": 100, "samples_per_ray": 48},
-        "refinement": {"fit_steps": 30, "steps": 50},
-        "extract": {"resolution": 96, "views": 12},
-        "clean": {"faces": 8_000},
-        "unwrap": {"resolution": 512},
-        "bake": {"views": 12, "texture": 512},
-        "prepare": {"resolution": 512},
-        "train_paint": {"steps": 60, "cooling": 0.0},
-        "bake_paint": {"views": 12, "texture": 512},
-        "publish": {"turntable_frames": 24},
-    },
-    "standard": {},
-    "high": {
-        "train_nerf": {"samples_per_ray": 96},
-        "refinement": {"fit_steps": 120, "steps": 400},
-        "extract": {"resolution": 192, "views": 48, "smoothing": 2.25},
-        "clean": {"faces": 60_000},
-        "unwrap": {"resolution": 2048},
-        "bake": {"views": 48, "texture": 2048},
-        "prepare": {"resolution": 2048},
-        "train_paint": {"steps": 300, "views": 192},
-        "bake_paint": {"views": 48, "texture": 2048},
-        "publish": {"turntable_frames": 120},
-    },
-}
+PLAIN = ["PROMPT", "NEGATIVE", "TOKEN", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM", "START", "PROVIDER"]
+"""Variables that are taken as they stand."""
 
 
-def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
+def resolve(
+    environment: Mapping[str, str],
+    models: Path = MODELS,
+    coming: str = "",
+    options: Mapping[str, Any] | None = None,
+) -> Job:
     """Return the complete job that the environment asks for (an empty variable counts as not given).
+    `coming` is a START that another model will have made before: it need not be there.
+
+    `options`: keys of a job file that win over the file, and the environment over them.
 
     Raises:
         InputError: an unknown key, a value of the wrong type or out of range, a model that does not exist.
     """
     given: dict[str, Any] = read_yaml(Path(environment["JOB"])) if environment.get("JOB") else {}
+    given |= options or {}
     written = given.get("quality")
-    plain = ("PROMPT", "NEGATIVE", "TOKEN", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM", "PROVIDER")
-    for variable in plain:
-        if environment.get(variable):
-            given[variable.lower()] = environment[variable]
-    if environment.get("SEED"):
-        given["seed"] = _parse_seed(environment["SEED"])
-    if environment.get("REFINE"):
-        given["refine"] = _parse_switch("REFINE", environment["REFINE"])
-    if environment.get("SIGMA_S"):
-        section = given.get("train_nerf") or {}
-        if isinstance(section, dict):  # if not, `build` says so
-            given["train_nerf"] = {**section, "sigma_s": _parse_sigma(environment["SIGMA_S"])}
+    variables = _variables(environment)
+    for name in ("train_nerf", "publish"):
+        section = given.get(name) or {}
+        if name in variables:  # what is no section, `build` names
+            variables[name] = {**section, **variables[name]} if isinstance(section, dict) else section
+    given |= variables
     # Everything the user can get wrong is named before the layers below it are merged in.
     asked = build(Job, given, environment.get("JOB") or "")
     if asked.sketch and asked.mesh:
         raise InputError(
             "SKETCH and MESH are given: a sketch guides a new shape, a mesh is painted as it is; "
             "leave one out"
+        )
+    if asked.seeds > 1 and (asked.mesh or asked.start):
+        raise InputError(
+            f"SEEDS is {asked.seeds} and {'MESH' if asked.mesh else 'START'} is given: seeds differ in the "
+            "shape that they find from nothing; leave SEEDS out, or the other"
         )
     if environment.get("SIGMA_S") and not asked.sketch:
         raise InputError("SIGMA_S is given, but no sketch that it could act on: say SKETCH=file too")
@@ -146,7 +139,17 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
         raise InputError(f"MESH {short(asked.mesh)} does not exist or is no file: give the path of a mesh")
     if environment.get("PARAM") and not asked.mesh:
         raise InputError("PARAM is given without MESH: it chooses how a given mesh is painted")
+    if asked.mesh and (moved := [name for name in ("PIVOT", "SIZE_M") if environment.get(name)]):
+        raise InputError(f"{moved[0]} is given with MESH, which keeps its place and its size: leave it out")
+    if asked.start and asked.start != coming:
+        check_start(asked.start)
+    if environment.get("STRENGTH") and not asked.start:
+        raise InputError("STRENGTH is given, but no START that it could act on: say START=run or mesh too")
+    for name in ("start", "mesh", "sketch"):
+        if path := getattr(asked, name):
+            given[name] = lasting(path)
     bundle = _bundle_options(bundle_folder(asked.model, models))
+    bundle = {**bundle, **(HAND_OVER if coming else {})}
     job = _merge([QUALITY[asked.quality], bundle, given], environment.get("JOB") or "")
     if isinstance(written, str) and written in QUALITY and written != asked.quality:
         before = _merge([QUALITY[written], bundle, given], environment.get("JOB") or "")
@@ -157,6 +160,39 @@ def resolve(environment: Mapping[str, str], models: Path = MODELS) -> Job:
                 "and the other variables instead of JOB"
             )
     return job
+
+
+def _variables(environment: Mapping[str, str]) -> dict[str, Any]:
+    """Return what the variables say of the job; an error names the variable, not the file that it goes
+    before."""
+    found: dict[str, Any] = {}
+    for variable in PLAIN:
+        if environment.get(variable):
+            found[variable.lower()] = environment[variable]
+    for variable in ("SEED", "SEEDS"):
+        if environment.get(variable):
+            found[variable.lower()] = _parse_whole(variable, environment[variable])
+    if environment.get("STRENGTH"):
+        found["strength"] = _parse_number("STRENGTH", environment["STRENGTH"], "0.5")
+    if environment.get("REFINE"):
+        found["refine"] = _parse_switch("REFINE", environment["REFINE"])
+    if environment.get("SIGMA_S"):
+        found["train_nerf"] = {"sigma_s": _parse_number("SIGMA_S", environment["SIGMA_S"], "0.3")}
+    published: dict[str, Any] = {}
+    if environment.get("UNLIT"):
+        published["unlit"] = _parse_switch("UNLIT", environment["UNLIT"])
+    if environment.get("PIVOT"):
+        published["pivot"] = environment["PIVOT"]
+    if environment.get("SIZE_M"):
+        published["size_m"] = _parse_number("SIZE_M", environment["SIZE_M"], "1.8")
+    if published:
+        found["publish"] = published
+    try:
+        build(Job, {"prompt": "x", **found})
+    except InputError as error:
+        name, _, rest = str(error).partition(" ")
+        raise InputError(f"{name.rpartition('.')[2].upper()} {rest}") from None
+    return found
 
 
 def _merge(layers: Sequence[Mapping[str, Any]], file: str) -> Job:
@@ -173,23 +209,6 @@ def token_files(given: str) -> list[Path]:
     if not given.strip() or Path(given).is_file():
         return [Path(given)] if given.strip() else []
     return [Path(part.strip()) for part in given.split(",") if part.strip()]
-
-
-def bundle_folder(model: str, models: Path = MODELS) -> Path:
-    """Return the absolute folder of a model: a name under `models`, or a path (anything with a separator).
-
-    Raises:
-        InputError: there is no such folder; the text lists those there are.
-    """
-    folder = (Path(model) if "/" in model else models / model).absolute()
-    if model in ("", ".", "..") or not folder.is_dir():
-        entries = models.iterdir() if models.is_dir() else []
-        # A hidden folder is an export that has not ended.
-        known = sorted(entry.name for entry in entries if entry.is_dir() and entry.name[0] != ".")
-        raise InputError(
-            f"MODEL {model!r} does not exist; there are: {', '.join(known) or 'none'} (in {models.name}/)"
-        )
-    return folder
 
 
 def to_yaml(job: Job) -> str:
@@ -217,9 +236,10 @@ def run_name(job: Job) -> str:
     return f"{slug or 'prompt'}-{digest[:10]}"
 
 
-def _parse_seed(text: str) -> int:
+def _parse_whole(name: str, text: str) -> int:
     if not re.fullmatch(r"[+-]?\d{1,20}", text.strip(), flags=re.ASCII):
-        raise InputError(f"SEED is {short(text)}, expected a whole number from 0 to {2**32 - 1}")
+        most = {"SEED": f"0 to {2**32 - 1}", "SEEDS": "1 to 64"}[name]
+        raise InputError(f"{name} is {short(text)}, expected a whole number from {most}")
     return int(text)
 
 
@@ -229,11 +249,11 @@ def _parse_switch(name: str, text: str) -> bool:
     return text == "1"
 
 
-def _parse_sigma(text: str) -> float:
+def _parse_number(name: str, text: str, example: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise InputError(f"SIGMA_S is {short(text)}, expected a number such as 0.3") from None
+        raise InputError(f"{name} is {short(text)}, expected a number such as {example}") from None
 
 
 def _bundle_options(folder: Path) -> dict[str, Any]:
@@ -246,11 +266,11 @@ def _bundle_options(folder: Path) -> dict[str, Any]:
     if not path.exists():
         return {}
     try:
-        described = json.loads(path.read_text(encoding="utf-8"))
+        described = read_json(path, "fetch or export the bundle again")
         options, painting, refinement = (
             {**described.get(name, {})} for name in ("distillation", "painting", "refinement")
         )
-    except (OSError, ValueError, AttributeError, TypeError) as error:
+    except (AttributeError, TypeError) as error:
         raise InputError(
             f"{path} is not a bundle description: {error}; fetch or export the bundle again"
         ) from None

@@ -104,6 +104,17 @@ def refined(training: T, refinement: Refinement, **others: Any) -> T:
 
 
 @dataclass(frozen=True)
+class Contest:
+    """Several seeds begin, the best one goes on (with SEEDS)."""
+
+    share: float = option(0.35, "of the training's steps that every seed takes before it is judged", 0.01, 1)
+    views: int = option(8, "views that a scene is judged by", 4, 64)
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+@dataclass(frozen=True)
 class SketchField:
     """The sketch in the scene (with SKETCH)."""
 

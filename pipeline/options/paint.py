@@ -56,6 +56,12 @@ class BakePaint:
         "views", "decode rendered views and project them, or decode the latent texture once (the paper)"
     )
     views: int = option(24, "views decoded and projected", 4, 256)
+    large_views: int = option(
+        10,
+        "instead, where a decoded picture has 512 pixels or more a side and takes a third of a minute",
+        4,
+        256,
+    )
     view_resolution: int = option(
         0, "side of a rendered view [latent pixels]; 0: the bundle's latent size, doubled up to 64", 0, 512
     )

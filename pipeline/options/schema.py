@@ -9,6 +9,7 @@ import json
 import math
 import re
 import reprlib
+import textwrap
 import typing
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,8 +18,14 @@ from typing import Any, Literal, TypeVar
 import yaml
 
 from pipeline.errors import InputError
+from pipeline.files import read_at_most
 
 T = TypeVar("T")
+MOST_YAML = 2**20
+"""A job, with every option written out, takes three kilobytes [bytes]."""
+
+LINE = 110
+"""Of what `describe` writes [characters]."""
 
 
 def option(default: Any, help: str, low: float | None = None, high: float | None = None) -> Any:
@@ -82,8 +89,11 @@ def read_yaml(path: Path) -> dict[str, Any]:
     Raises:
         InputError: the file is absent, is not YAML, has a key twice, or holds no mapping.
     """
+    if not path.exists():
+        raise InputError(f"{path} does not exist: give the path of a YAML file")
     try:
-        value = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)  # noqa: TID251 (a SafeLoader)
+        text = read_at_most(path, MOST_YAML).decode("utf-8")
+        value = yaml.load(text, Loader=_Loader)  # noqa: TID251 (a SafeLoader)
     except (yaml.YAMLError, ValueError) as error:  # a number or date that is none, bytes that are no UTF-8
         raise InputError(f"{path} is not plain YAML: {' '.join(str(error).split())}") from None
     except OSError as error:
@@ -126,26 +136,34 @@ def build(kind: type[T], values: Mapping[str, Any], where: str = "", section: st
         ) from None
 
 
-def describe(kind: type) -> str:
-    """Return every option with its default, range and meaning, as YAML with comments."""
+def describe(kind: type, values: Any = None) -> str:
+    """Return every option with its value, range and meaning, as YAML with comments.
+
+    `values`: options of this kind, whose values are said; None: the defaults.
+    """
     lines = []
     hints = typing.get_type_hints(kind)
     for spec in dataclasses.fields(kind):
-        section = hints[spec.name]
+        section, value = hints[spec.name], getattr(values, spec.name, None)
         if dataclasses.is_dataclass(section):
             inner = typing.get_type_hints(section)
             lines += ["", f"{spec.name}:  # {(section.__doc__ or '').strip()}"]
-            lines += [
-                f"  {_describe_field(field, inner[field.name])}" for field in dataclasses.fields(section)
-            ]
+            for field in dataclasses.fields(section):
+                lines += _describe_field(
+                    field, inner[field.name], getattr(value, field.name, field.default), "  "
+                )
         else:
-            lines.append(_describe_field(spec, section))
+            lines += _describe_field(spec, section, spec.default if values is None else value)
     return "\n".join(lines)
 
 
-def _describe_field(spec: "dataclasses.Field[Any]", hint: Any) -> str:
-    value = json.dumps(spec.default) if not isinstance(spec.default, tuple) else str(list(spec.default))
-    return f"{spec.name}: {value}".ljust(36) + f"  # {_allowed(hint, spec.metadata)}: {spec.metadata['help']}"
+def _describe_field(spec: "dataclasses.Field[Any]", hint: Any, value: Any, indent: str = "") -> list[str]:
+    """Return the lines of an option: the comment goes on below where a line would get too long."""
+    text = json.dumps(value, ensure_ascii=False) if not isinstance(value, tuple) else str(list(value))
+    head = f"{indent}{spec.name}: {text}".ljust(36)
+    comment = f"{_allowed(hint, spec.metadata)}: {spec.metadata['help']}"
+    parts = textwrap.wrap(comment, max(LINE - len(head) - len("  # "), 30), break_on_hyphens=False)
+    return [f"{head}  # {parts[0]}", *(f"{'':{len(head)}}  # {part}" for part in parts[1:])]
 
 
 def _check_value(name: str, value: Any, hint: Any, metadata: Mapping[str, Any]) -> None:

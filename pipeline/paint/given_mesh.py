@@ -17,7 +17,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from pipeline import arrays
+from pipeline.documents import parse_json
 from pipeline.errors import InputError
+from pipeline.mesh.coloured import ColouredMesh
 from pipeline.mesh.mesh import Mesh
 from pipeline.mesh.readers import InputMesh
 
@@ -44,7 +46,7 @@ class PaintMesh(NamedTuple):
         return Mesh(self.unit * radius, self.faces, self.uv, self.uv_faces)
 
 
-def to_unit_ball(mesh: InputMesh, up: str, front: str) -> Float[np.ndarray, "v 3"]:
+def to_unit_ball(mesh: InputMesh | ColouredMesh, up: str, front: str) -> Float[np.ndarray, "v 3"]:
     """Return the vertices turned, centred and scaled; `up` and `front` name axes of the file, such as +z.
 
     Raises:
@@ -76,7 +78,7 @@ def load_paint_mesh(path: Path) -> PaintMesh:
     """Read what `save_paint_mesh` wrote. Raises InputError if the file is damaged."""
     try:
         values = dict(arrays.unpack(path.read_bytes()))
-        names = tuple(json.loads(values.pop("names").tobytes()))
+        names = tuple(parse_json(values.pop("names").tobytes()))
         return PaintMesh(**{"uv": None, "uv_faces": None, **values}, names=names)  # type: ignore[arg-type]
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{path} is damaged ({error}): delete it and run again") from None

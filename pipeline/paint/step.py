@@ -81,14 +81,32 @@ def make_pool(mesh: Mesh, options: TrainPaint, texture: int | None, resolution: 
     return Pool(groups, [views[i : i + size] for i in range(0, len(views), size)], seen, resolution)
 
 
+def shown_views(pool: Pool) -> list[ViewWeights]:
+    """Return the four views that a preview shows: of all of the pool those nearest to the front, the left
+    side, the back and the right side, which differ."""
+    azimuths = np.concatenate([group[1] for group in pool.groups])
+    views = [view for group in pool.views for view in group]
+    sides = np.arange(min(4, len(views))) * np.pi / 2
+    away = 1 - np.cos(azimuths[:, None] - sides)
+    chosen: list[int] = []
+    for side in range(len(sides)):
+        nearest = np.argsort(away[:, side], kind="stable")
+        chosen.append(next(int(i) for i in nearest if i not in chosen))
+    return [views[i] for i in chosen]
+
+
 def initial_paint(
-    options: TrainPaint, pool: Pool, backgrounds: Float[np.ndarray, "k 4"], seed: int
+    options: TrainPaint,
+    pool: Pool,
+    backgrounds: Float[np.ndarray, "k 4"],
+    seed: int,
+    start: Float[np.ndarray, "n 4"] | None = None,
 ) -> PaintState:
-    """Return the state before the first step."""
+    """Return the state before the first step, with the colours of a `start`, else with noise."""
     rng = np.random.default_rng([seed, 2])
     background = LearnedBackground(rng) if options.background == "learned" else FlatBackground(backgrounds)
     drawn = options.initial_noise * rng.standard_normal((len(pool.seen), 4), np.float32)
-    colours = nn.Parameter(torch.from_numpy(drawn.astype(np.float32)))
+    colours = nn.Parameter(torch.from_numpy((drawn if start is None else start).astype(np.float32)))
     return PaintState(colours, background, paint_optimizer(colours, background, options), rng)
 
 

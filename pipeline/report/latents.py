@@ -5,6 +5,7 @@ from jaxtyping import Float
 from PIL import Image
 
 from pipeline.diffusion.bundle import Bundle
+from pipeline.diffusion.rgb_gradients import LATENT_TO_RGB
 
 _ZOOM = 4
 
@@ -12,11 +13,11 @@ _ZOOM = 4
 def latent_preview(
     latents: Float[np.ndarray, "b 4 h w"], opacity: Float[np.ndarray, "b h w"], bundle: Bundle
 ) -> Image.Image:
-    """Return views side by side in the bundle's linear map (else three channels), over their opacity."""
+    """Return views side by side in colours, over their opacity: by the bundle's linear map, else by the
+    paper's for Stable Diffusion, which foreign folders are likely to be."""
     rgb = bundle.linear_rgb(latents)
     if rgb is None:
-        low, high = np.percentile(latents[:, :3], (1, 99))
-        rgb = (latents[:, :3].transpose(0, 2, 3, 1) - low) / max(high - low, 1e-6)
+        rgb = (np.einsum("rc,bchw->bhwr", np.array(LATENT_TO_RGB), latents) + 1) / 2
     masks = np.repeat(opacity[..., None], 3, axis=-1)
     rows = [np.concatenate(list(pictures), axis=1) for pictures in (rgb, masks)]
     picture = (np.concatenate(rows).clip(0, 1) * 255).round().astype(np.uint8)

@@ -13,6 +13,8 @@ from pipeline.report.png import to_bytes
 from pipeline.report.preview import Shade, pictures, turn
 
 FRAMES_PER_SECOND = 24
+LEAST_SECONDS = 3
+"""Of one turn: few frames are shown more slowly."""
 SUPERSAMPLING = 2  # motion and the codec hide what more would add
 QUALITY = "18"  # x264's constant rate factor: no visible loss
 
@@ -33,7 +35,9 @@ def write_turntable(
     options = {"movflags": "faststart", "fflags": "+bitexact"}
     with av.open(str(path), "w", format="mp4", options=options) as container:
         stream = container.add_stream(
-            "libx264", rate=FRAMES_PER_SECOND, options={"crf": QUALITY, "preset": "medium", "threads": "1"}
+            "libx264",
+            rate=max(1, min(FRAMES_PER_SECOND, frames // LEAST_SECONDS)),
+            options={"crf": QUALITY, "preset": "medium", "threads": "1"},
         )
         stream.width = stream.height = size
         stream.pix_fmt = "yuv420p"

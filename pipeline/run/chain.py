@@ -22,7 +22,7 @@ class Stage:
     asked: Callable[[Job], bool] = lambda job: True
     """Whether a job has it."""
     optional: str = ""
-    """What a run without it did not ask for."""
+    """What a run without it did not ask for; empty: nobody would miss it."""
     networks: tuple[str, ...] = ()
     """Graphs of the bundle that it opens, one after the other."""
     together: tuple[str, ...] = ()
@@ -33,6 +33,7 @@ class Stage:
     """Whether it is forked from a process that has imported torch, for which the first one would wait."""
 
 
+_ENCODING = ("vae_encoder", "vae_decoder")
 _REFINING = ("unet", "vae_encoder", "vae_encoder_vjp", "vae_decoder")
 
 TEXT = (
@@ -44,8 +45,21 @@ TEXT = (
     ),
     Stage("sketch", ("sketch_field",), lambda job: bool(job.sketch), "a sketch"),
     Stage(
+        "start",
+        ("seed", "prepare", "start_fit", "train_nerf", "provider"),
+        lambda job: bool(job.start),
+        together=_ENCODING,
+    ),
+    Stage(
+        "contest",
+        ("seed", "seeds", "contest", "train_nerf", "provider"),
+        lambda job: job.seeds > 1,
+        networks=("unet",),
+        training="train_nerf",
+    ),
+    Stage(
         "train_nerf",
-        ("seed", "train_nerf", "provider"),
+        ("seed", "start_fit", "strength", "train_nerf", "provider"),
         networks=("unet",),
         training="train_nerf",
     ),
@@ -61,7 +75,7 @@ TEXT = (
     Stage("clean", ("clean",)),
     Stage("unwrap", ("unwrap",)),
     Stage("bake", ("bake", "provider"), networks=("vae_decoder",)),
-    Stage("publish", ("publish",)),
+    Stage("publish", ("prompt", "publish")),
 )
 """From a text to a mesh."""
 
@@ -69,8 +83,14 @@ PAINT = (
     TEXT[0],
     Stage("prepare", ("param", "prepare")),
     Stage(
+        "start_paint",
+        ("param", "seed", "prepare", "start_fit", "train_paint", "provider"),
+        lambda job: bool(job.start),
+        together=_ENCODING,
+    ),
+    Stage(
         "train_paint",
-        ("param", "seed", "train_paint", "provider"),
+        ("param", "seed", "strength", "train_paint", "provider"),
         networks=("unet",),
         training="train_paint",
     ),
@@ -83,13 +103,13 @@ PAINT = (
         together=_REFINING,
         training="refinement",
     ),
-    Stage("publish_paint", ("param", "publish")),
+    Stage("publish_paint", ("prompt", "param", "publish")),
 )
 """From a text and a mesh to that mesh with colours."""
 
 REPORT = Stage(
     "report",
-    ("prompt", "negative", "token", "model", "sketch", "refine", "mesh", "seed", "quality"),
+    ("prompt", "negative", "token", "model", "sketch", "refine", "mesh", "start", "seed", "seeds", "quality"),
 )
 """The last stage of both."""
 

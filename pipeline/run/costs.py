@@ -6,8 +6,13 @@ on two threads of a Zen 3 core.
 
 from typing import NamedTuple
 
+from pipeline.diffusion.bundle import STABLE_DIFFUSION_LATENTS
+from pipeline.options.asset import Bake
 from pipeline.options.distillation import Distillation
 from pipeline.options.job import Job
+from pipeline.options.nerf import TrainNerf
+from pipeline.options.paint import BakePaint
+from pipeline.options.start import set_out, started
 
 
 class Cost(NamedTuple):
@@ -44,13 +49,48 @@ def sketch(work: Work) -> Cost:
     return Cost(0.3 + 6e-6 * cells, 1e-4 * cells)
 
 
-def train_nerf(work: Work) -> Cost:
-    """Of rendering and the denoiser."""
+def _encoding(work: Work) -> float:
+    """Return the seconds of encoding the views of a start."""
+    return work.job.start_fit.views * 2.6e-5 * work.latent_size**2
+
+
+def start(work: Work) -> Cost:
+    """Of encoding views and the fit to them."""
     train = work.job.train_nerf
+    samples = train.cameras_per_step * work.latent_size**2 * train.samples_per_ray
+    fit = work.job.start_fit.steps * (0.02 + 6e-8 * samples)
+    return Cost(1.0 + _encoding(work) + fit, 150 + 4e-4 * samples)
+
+
+def start_paint(work: Work) -> Cost:
+    """Of the views' weights, their encoding and the least squares."""
+    views = work.job.train_paint.views
+    return Cost(
+        2.0 + 2e-4 * views * work.latent_size + _encoding(work), 150 + 3e-4 * views * work.latent_size**2
+    )
+
+
+def _distilling(train: TrainNerf, work: Work, steps: float) -> Cost:
+    """Of so many steps of rendering and the denoiser."""
     samples = train.cameras_per_step * (train.resolution or work.latent_size) ** 2 * train.samples_per_ray
     update = 0.02 + 6e-8 * samples
     step = train.updates_per_call * update + 1.5e-4 * denoiser_work(train, work)
-    return Cost(train.steps * step, 150 + 4e-4 * samples)
+    return Cost(steps * step, 150 + 4e-4 * samples)
+
+
+def contest(work: Work) -> Cost:
+    """Of the beginning of every seed."""
+    job = work.job
+    return _distilling(job.train_nerf, work, job.seeds * (job.contest.share * job.train_nerf.steps + 3))
+
+
+def train_nerf(work: Work) -> Cost:
+    """Of the steps that are left."""
+    train = work.job.train_nerf
+    if work.job.start:
+        train = started(train, work.job.start_fit, work.job.strength)
+    done = work.job.contest.share if work.job.seeds > 1 else 0.0
+    return _distilling(train, work, (1 - done) * train.steps)
 
 
 def _refinement(work: Work) -> tuple[float, float, int]:
@@ -83,8 +123,11 @@ def extract(work: Work) -> Cost:
 
 
 def clean(work: Work) -> Cost:
-    """Of decimation."""
-    return Cost(0.7 + 7.5e-5 * work.job.clean.faces, 0.0)
+    """Of decimation, and of the diffusion of normals, whose steps are as many as its faces are small."""
+    options = work.job.clean
+    faces = max(40_000, 2 * options.faces)
+    steps = min(1.2 * options.denoise**2 * faces, 2000)
+    return Cost(0.7 + 7.5e-5 * options.faces + 4.5e-8 * steps * faces, 0.0)
 
 
 def unwrap(work: Work) -> Cost:
@@ -93,21 +136,23 @@ def unwrap(work: Work) -> Cost:
     return Cost(0.4 + 1.9e-6 * faces**1.5, 4e-3 * faces)
 
 
-def _baking(views: int, view_resolution: int, texture: int, latent_size: int) -> Cost:
+def _baking(options: Bake | BakePaint, latent_size: int) -> Cost:
+    # A latent pixel stands for eight of the picture where these are large.
+    large = latent_size >= STABLE_DIFFUSION_LATENTS
+    views = min(options.views, options.large_views) if large else options.views
+    view_resolution, texture = options.view_resolution, options.texture
     texels, side = texture**2, view_resolution or max(latent_size, 64)
     return Cost(views * (1.8e-5 * side**2 + 3e-8 * texels), 50 + 1e-4 * texels)
 
 
 def bake(work: Work) -> Cost:
     """Of decoding and projecting the views."""
-    options = work.job.bake
-    return _baking(options.views, options.view_resolution, options.texture, work.latent_size)
+    return _baking(work.job.bake, work.latent_size)
 
 
 def bake_paint(work: Work) -> Cost:
     """Of decoding and projecting the views."""
-    options = work.job.bake_paint
-    return _baking(options.views, options.view_resolution, options.texture, work.latent_size)
+    return _baking(work.job.bake_paint, work.latent_size)
 
 
 def publish(work: Work) -> Cost:
@@ -127,6 +172,8 @@ def prepare(work: Work) -> Cost:
 def train_paint(work: Work) -> Cost:
     """Of the views' weights and the denoiser."""
     paint = work.job.train_paint
+    if work.job.start:
+        paint = set_out(paint, work.job.strength)
     side = paint.resolution or work.latent_size
     seconds = 0.5 + 2e-4 * paint.views * side + paint.steps * (0.002 + 1.26e-4 * denoiser_work(paint, work))
     return Cost(seconds, 150 + 3e-4 * paint.views * side**2)

@@ -3,11 +3,15 @@
 The constants are of one machine (see `costs`). Others: their pace tells.
 """
 
+import contextlib
+import resource
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 
 import numpy as np
 
+from pipeline.diffusion.bundle import OPTIONAL_GRAPHS, REQUIRED_GRAPHS, Bundle
 from pipeline.options.job import Job
 from pipeline.run import costs
 from pipeline.run.chain import STAGES
@@ -51,11 +55,26 @@ def estimate(name: str, job: Job, latent_size: int, weights: Mapping[str, float]
     return Cost((START + cost.seconds) / pace**0.5, BASE_MB + cost.memory_mb + 2 * held)
 
 
+def price(job: Job, bundle: Bundle, stages: Iterable[str], pace: float) -> dict[str, Cost]:
+    """Return what each of a job's stages costs with a model on this machine."""
+    graphs = [*REQUIRED_GRAPHS, *OPTIONAL_GRAPHS]
+    weights = {
+        name: sum(file.stat().st_size for file in (bundle.path / name).rglob("*")) / 2**20 for name in graphs
+    }
+    return {stage: estimate(stage, job, bundle.latent_size, weights, pace) for stage in stages}
+
+
 def available_memory_mb() -> float | None:
-    """Return the memory that programs can still take [MiB], or None where the system does not say."""
-    try:
-        with open("/proc/meminfo", encoding="ascii") as lines:
-            figures = dict(line.split(":", 1) for line in lines)
-        return int(figures["MemAvailable"].split()[0]) / 1024
-    except (OSError, KeyError, ValueError, IndexError):
-        return None
+    """Return the memory that a stage can take [MiB]: what is free, and what a limit of this process (ulimit
+    -v) or of its container leaves; None where the system says nothing."""
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    found = [limit / 2**20] if limit != resource.RLIM_INFINITY else []
+    with contextlib.suppress(OSError, KeyError, ValueError, IndexError):
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+        figures = dict(line.split(":", 1) for line in lines)
+        found.append(int(figures["MemAvailable"].split()[0]) / 1024)
+    with contextlib.suppress(OSError, ValueError):  # "max" is no limit
+        group = Path("/sys/fs/cgroup")
+        most, now = (int((group / f"memory.{name}").read_text()) for name in ("max", "current"))
+        found.append((most - now) / 2**20)
+    return min(found, default=None)

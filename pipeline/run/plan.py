@@ -104,5 +104,7 @@ def _difference(
 
 def _checkpoint(run: Path, stage: str, key: str) -> str:
     owner = run / "checkpoints" / stage / ".key"
-    resumable = owner.is_file() and owner.read_text() == key and any(owner.parent.glob("*.checkpoint"))
+    resumable = (
+        owner.is_file() and owner.read_bytes() == key.encode() and any(owner.parent.glob("*.checkpoint"))
+    )
     return ", continues from its checkpoint" if resumable else ""

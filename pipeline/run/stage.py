@@ -32,7 +32,17 @@ from pipeline.progress import Progress as Progress
 from pipeline.progress import say as say
 from pipeline.run import staleness
 from pipeline.run.chain import stage_options
+from pipeline.run.failures import memory_limit
 
+_NO_MEMORY = (
+    "alloc_cpu.cpp",  # torch
+    "Cannot allocate memory",
+    "std::bad_alloc",  # pybind11
+    "Failed to allocate memory",  # onnxruntime
+    "Insufficient memory",  # OpenCV
+    "failed to map segment from shared object",  # the loader of libraries
+    "can't start new thread",
+)
 USER_ERROR = 2
 FAILURE = 1
 FOLLOW_PARENT = "PIPELINE_FOLLOW_PARENT"
@@ -76,10 +86,13 @@ def execute(name: str, main: Callable[[Context], None]) -> None:
                 if not (refused := files.refusal(error)):
                     raise
                 status, reason = USER_ERROR, str(refused)
-            except MemoryError:
+            except Exception as error:
+                if not _is_lack_of_memory(error):
+                    raise
                 status, reason = (
                     USER_ERROR,
-                    f"stage {name} ran out of memory: close other programs, or lower QUALITY",
+                    f"stage {name} ran out of memory at {_peak_memory_mb():.0f} MB{memory_limit()}: close "
+                    "other programs, raise the limit, or lower QUALITY (make plan says what is needed)",
                 )
     except Exception as error:
         status, reason = (
@@ -116,8 +129,7 @@ def _run(name: str, main: Callable[[Context], None], run: Path, arguments: argpa
 
     say(f"{name} ...")
     began = time.monotonic()
-    partial = run / f".partial-{name}"
-    shutil.rmtree(partial, ignore_errors=True)
+    partial = _empty(run / f".partial-{name}")
     context = Context(
         job,
         inputs,
@@ -163,8 +175,8 @@ def _copy(name: str, run: Path, sibling: Path) -> None:
     """Take a sibling run's outputs and entry."""
     entry = staleness.read_entry(sibling, name)
     assert entry is not None
-    partial = run / f".partial-{name}"
-    partial.mkdir(exist_ok=True)
+    partial = _empty(run / f".partial-{name}")
+    partial.mkdir()
     pairs = []
     for label, output in entry["outputs"].items():
         shutil.copyfile(sibling / output["path"], partial / label)
@@ -178,6 +190,14 @@ def _copy(name: str, run: Path, sibling: Path) -> None:
         say(f"warning: {warning}")
 
 
+def _empty(place: Path) -> Path:
+    """Return the place of a temporary folder after removing what an earlier run left there."""
+    if place.is_symlink() or place.is_file():
+        place.unlink()
+    shutil.rmtree(place, ignore_errors=True)
+    return place
+
+
 def _touch(run: Path, name: str, outputs: dict[str, Path]) -> None:
     """Make outputs newer than the inputs, which is how Snakemake judges them."""
     for path in [*(run / path for path in outputs.values()), staleness.entry_path(run, name)]:
@@ -187,7 +207,7 @@ def _touch(run: Path, name: str, outputs: dict[str, Path]) -> None:
 def _scratch(folder: Path, key: str) -> Path:
     """Return a stage's scratch folder, emptied unless it was filled under the same key."""
     owner = folder / ".key"
-    if not owner.is_file() or owner.read_text() != key:
+    if not owner.is_file() or owner.read_bytes() != key.encode():
         shutil.rmtree(folder, ignore_errors=True)
         files.write_text(owner, key)
     return folder
@@ -196,11 +216,12 @@ def _scratch(folder: Path, key: str) -> Path:
 @contextmanager
 def _diverted_output(log: Path) -> Iterator[None]:
     """Send what anything prints, native libraries included, to the log; progress keeps the old output."""
-    log.parent.mkdir(parents=True, exist_ok=True)
     sys.stdout.flush()
     sys.stderr.flush()
     saved = os.dup(1), os.dup(2)
-    with log.open("w", encoding="utf-8") as stream, os.fdopen(os.dup(1), "w", encoding="utf-8") as channel:
+    told = os.environ.get(progress.TOLD)
+    heard = open(told, "a", encoding="utf-8") if told else os.fdopen(os.dup(1), "w", encoding="utf-8")  # noqa: SIM115
+    with files.create(log) as stream, heard as channel:
         os.dup2(stream.fileno(), 1)
         os.dup2(stream.fileno(), 2)
         progress.channel = channel
@@ -222,6 +243,15 @@ def die_with_parent() -> None:
     """Ask the kernel to kill this process when its parent ends (Linux; elsewhere nothing happens)."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+
+
+def _is_lack_of_memory(error: BaseException) -> bool:
+    """Whether an error, or what it came from, says that memory could not be had: each library has its own."""
+    while error:
+        if isinstance(error, MemoryError) or any(word in str(error) for word in _NO_MEMORY):
+            return True
+        error = error.__cause__ or error.__context__  # type: ignore[assignment]
+    return False
 
 
 def _peak_memory_mb() -> float:

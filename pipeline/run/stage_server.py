@@ -53,7 +53,10 @@ def call(name: str, arguments: Sequence[str]) -> int:
         while not select.select([connection], [], [], 1.0)[0]:
             if os.getppid() != parent:  # Snakemake was killed: leave, so that the server ends the stage
                 return 1
-        answer = connection.recv(1)
+        try:
+            answer = connection.recv(1)
+        except ConnectionResetError:  # the server was killed
+            answer = b""
     return answer[0] if answer else 1
 
 

@@ -16,6 +16,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from pipeline.documents import read_json
+from pipeline.errors import InputError
 from pipeline.files import file_sha256
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -119,11 +121,24 @@ def entry_path(run: Path, stage: str) -> Path:
 def read_entry(run: Path, stage: str) -> Entry | None:
     """Return a stage's entry, or None where there is none that can be read."""
     try:
-        entry = json.loads(entry_path(run, stage).read_text(encoding="utf-8"))
-        entry["key"], entry["outputs"], entry["inputs"]
-    except (OSError, ValueError, KeyError, TypeError):
+        entry = read_json(entry_path(run, stage), "")
+    except InputError:
         return None
-    return dict(entry)
+    return entry if _is_entry(entry) else None
+
+
+def _is_entry(entry: Entry) -> bool:
+    """Whether it has what the pipeline reads of entries; files it names are in the run's folder."""
+    kinds = {"key": str, "outputs": dict, "inputs": dict, "metrics": dict}
+    if not all(isinstance(entry.get(name), kind) for name, kind in kinds.items()):
+        return False
+    if not all(type(entry.get(name)) in (int, float) for name in ("seconds", "peak_memory_mb")):
+        return False
+    files = [*entry["outputs"].values(), *entry["inputs"].values()]
+    if not all(isinstance(f, dict) and {type(f.get("path")), type(f.get("sha256"))} == {str} for f in files):
+        return False
+    paths = [Path(output["path"]) for output in entry["outputs"].values()]
+    return not any(path.is_absolute() or ".." in path.parts for path in paths)
 
 
 def damaged(run: Path, entry: Entry) -> list[str]:

@@ -1,8 +1,8 @@
 """Checks a finished run against its manifest."""
 
-import json
 from pathlib import Path
 
+from pipeline.documents import read_json
 from pipeline.errors import InputError
 from pipeline.files import file_sha256
 
@@ -14,14 +14,12 @@ def verify(run: Path) -> tuple[int, list[str]]:
         InputError: there is no manifest, or it is not one.
     """
     path = run / "manifest.json"
+    if not path.is_file():
+        raise InputError(f"{path} does not exist: RUN= takes the folder of a finished run")
     try:
-        files = json.loads(path.read_text(encoding="utf-8"))["files"]
+        files = read_json(path, "make the run again")["files"]
         expected = {str(name): str(facts["sha256"]) for name, facts in files.items()}
-    except OSError as error:
-        raise InputError(
-            f"{path} cannot be read ({error.strerror}): RUN= takes the folder of a finished run"
-        ) from None
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (KeyError, TypeError, AttributeError):
         raise InputError(f"{path} is not a manifest: make the run again") from None
     if not expected:
         raise InputError(f"{path} names no file: make the run again")

@@ -5,30 +5,25 @@ top is up (+y), and a pixel is one unit.
 """
 
 import io
-import re
 from pathlib import Path
 
 import cv2
 import mapbox_earcut
 import numpy as np
-import resvg_py
 from jaxtyping import Bool, Float, Int, UInt8
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from pipeline.errors import InputError
 from pipeline.mesh.mesh import Mesh
-from pipeline.options.schema import short
+from pipeline.sketch.svg import svg_to_png
 
-FORMATS = (".png", ".svg")
 _SIDE = 512
 """Drawings are traced at this size: the longer side [pixels]."""
-_MOST_BYTES, _MOST_PIXELS = 50_000_000, 100_000_000
+_MOST_BYTES, _MOST_PIXELS = 50_000_000, 36_000_000
 _LEAST_CONTRAST = 16
 """A drawing whose colours differ less from its border's shows nothing [of 255]."""
 _LEAST_AREA = 2e-4
 """Parts and holes smaller than this share of the picture are specks."""
-_OUTSIDE = re.compile(r"""<(?:\w+:)?(?:image|feImage)\b[^>]*?href\s*=\s*["']\s*(?!data:|#)([^"']*)""")
-"""A picture of an SVG drawing that is not in the drawing itself."""
 
 
 def read_silhouette(path: Path) -> Bool[np.ndarray, "h w"]:
@@ -42,7 +37,7 @@ def read_silhouette(path: Path) -> Bool[np.ndarray, "h w"]:
         raise InputError(
             f"{path} has {path.stat().st_size} bytes, expected at most {_MOST_BYTES}: make it smaller"
         )
-    data = _svg_to_png(path) if path.suffix.lower() == ".svg" else path.read_bytes()
+    data = svg_to_png(path, _SIDE) if path.suffix.lower() == ".svg" else path.read_bytes()
     try:
         with Image.open(io.BytesIO(data), formats=["PNG"]) as image:
             if image.width * image.height > _MOST_PIXELS:
@@ -51,6 +46,8 @@ def read_silhouette(path: Path) -> Bool[np.ndarray, "h w"]:
                     "make it smaller"
                 )
             pixels = np.asarray(_shrink(image.convert("RGBA")))
+    except UnidentifiedImageError:
+        raise InputError(f"{path} is not a readable PNG picture (no PNG header): export it as PNG") from None
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise InputError(f"{path} is not a readable PNG picture ({error}): export it again") from None
     mask = _foreground(pixels)
@@ -98,25 +95,6 @@ def extrude(mask: Bool[np.ndarray, "h w"], thickness: float) -> Mesh:
         faces += [index + start for index in (front, back, *walls)]
         start += 2 * count
     return Mesh(np.concatenate(vertices).astype(np.float32), np.concatenate(faces).astype(np.int32))
-
-
-def _svg_to_png(path: Path) -> bytes:
-    try:
-        text = path.read_text(encoding="utf-8")
-        # No fonts of this machine, and no files beside the drawing: the same drawing gives the same solid.
-        if picture := _OUTSIDE.search(text):
-            raise InputError(
-                f"{path} shows a picture from another file ({short(picture[1])}), which is not read: "
-                "embed it in the drawing, or draw its outline"
-            )
-        return bytes(
-            resvg_py.svg_to_bytes(svg_string=text, width=_SIDE, height=_SIDE, skip_system_fonts=True)
-        )
-    except (ValueError, UnicodeDecodeError) as error:
-        said = " ".join(str(error).split())
-        raise InputError(
-            f"{path} is not a readable SVG drawing ({said}): export it again, as plain SVG"
-        ) from None
 
 
 def _shrink(image: Image.Image) -> Image.Image:

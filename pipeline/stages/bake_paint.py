@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.diffusion.decoding import view_resolution
+from pipeline.diffusion.decoding import view_resolution, views_to_decode
 from pipeline.diffusion.sessions import vae_decoder
 from pipeline.errors import InputError
 from pipeline.mesh.baking import bake_cameras, bake_texture
@@ -21,8 +21,10 @@ def main(context: Context) -> None:
     options = context.job.bake_paint
     painted = load_painted(context.inputs["painted"])
     mesh = load_paint_mesh(context.inputs["mesh"]).scaled(painted.mesh_radius)
-    cameras = bake_cameras(options.views, bounding_radius(mesh))
-    resolution = options.view_resolution or view_resolution(context.inputs.get("description"))
+    description = context.inputs.get("description")
+    count = views_to_decode(options.views, options.large_views, description)
+    cameras = bake_cameras(count, bounding_radius(mesh))
+    resolution = options.view_resolution or view_resolution(description)
     metrics = context.metrics
     if painted.texture is None and options.method == "atlas":
         raise InputError("bake_paint.method is atlas, but PARAM=face has no atlas: expected views")

@@ -8,7 +8,7 @@ comes last again, because collapsing edges can pinch a surface.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pymeshlab
@@ -16,6 +16,7 @@ from jaxtyping import Float
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
+from pipeline.mesh.denoise import denoise
 from pipeline.mesh.mesh import Mesh, read_ply, used_vertices, write_ply
 from pipeline.mesh.silhouettes import comparison_cameras, mean_iou, silhouettes
 from pipeline.mesh.topology import Topology, face_components, signed_volumes, topology
@@ -24,14 +25,26 @@ from pipeline.run.stage import Context, execute
 REPAIR_ROUNDS = 4
 FRAGMENT = 0.05  # smallest part of `min_component` that can be a cut-off part instead of a floater
 HOLE_EDGES = 200  # a hole with a longer border is taken for an opening of the shape
+WORKING_FACES = 40_000  # that normals are diffused over, unless twice the budget is more
+EDGE = 12.0  # degrees between the normals of neighbours among them that make an edge of the object
 VIEWS = 24
 SILHOUETTE_SIZE = 192
 
 
+class Cleaned(NamedTuple):
+    """A mesh before and after its faces were made fewer, and how that went."""
+
+    mesh: Mesh
+    fine: Mesh
+    """The same surface with all its faces: what a normal map shows."""
+    steps: list[dict[str, Any]]
+    """For every step its name and the counts after it."""
+
+
 def clean_mesh(
-    mesh: Mesh, faces: int, smoothing: int, min_component: float
-) -> tuple[Mesh, list[dict[str, Any]]]:
-    """Return the cleaned mesh and, for every step, its name and the counts after it.
+    mesh: Mesh, faces: int, smoothing: int, min_component: float, *, reach: float = 0.0
+) -> Cleaned:
+    """Return the cleaned mesh.
 
     Args:
         mesh: raw surface, positions in scene units.
@@ -39,6 +52,7 @@ def clean_mesh(
         smoothing: Taubin steps (each one shrinks and grows, so the volume stays); 0 leaves the surface alone.
         min_component: share of all faces, in [0, 1], below which a piece may be a floater; see
             `remove_floaters`.
+        reach: of the diffusion of normals [scene units], see `denoise`; 0: none.
     """
     steps: list[dict[str, Any]] = []
     counted: list[tuple[Mesh, Topology]] = []
@@ -71,10 +85,16 @@ def clean_mesh(
     mesh = note("repair", repair(mesh, count))
     if smoothing:
         mesh = note("smoothing", smooth(mesh, smoothing))
+    if reach:
+        # Marching cubes leave slivers, over which a diffusion creeps: even faces first.
+        if len(mesh.faces) > (working := max(WORKING_FACES, 2 * faces)):
+            mesh = note("working faces", decimate(mesh, working))
+        mesh = note("denoising", denoise(mesh, reach, EDGE))
+    fine = orient_outwards(mesh)
     if len(mesh.faces) > faces:
         mesh = note("decimation", decimate(mesh, faces))
         mesh = note("repair", repair(mesh, count))
-    return note("orientation", orient_outwards(mesh)), steps
+    return Cleaned(note("orientation", orient_outwards(mesh)), fine, steps)
 
 
 def _same_faces(first: Mesh, second: Mesh) -> bool:
@@ -204,10 +224,12 @@ def orient_outwards(mesh: Mesh) -> Mesh:
 
 
 def main(context: Context) -> None:
-    """Read the raw mesh; write the clean one."""
+    """Read the raw mesh; write the clean one, and the same before its faces were made fewer."""
     options = context.job.clean
     raw = read_ply(context.inputs["mesh"])
-    mesh, steps = clean_mesh(raw, options.faces, options.smoothing, options.min_component)
+    mesh, fine, steps = clean_mesh(
+        raw, options.faces, options.smoothing, options.min_component, reach=options.denoise
+    )
     counts = topology(mesh)
     if not counts.manifold:
         raise InputError(
@@ -228,6 +250,7 @@ def main(context: Context) -> None:
         silhouette_iou_with_raw=kept,
     )
     write_ply(context.outputs["mesh"], mesh)
+    write_ply(context.outputs["fine"], fine)
 
 
 if __name__ == "__main__":

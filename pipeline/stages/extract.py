@@ -21,8 +21,9 @@ from pipeline.errors import InputError
 from pipeline.mesh.mesh import Mesh, write_ply
 from pipeline.mesh.silhouettes import comparison_cameras, mean_iou, opacity_masks, silhouettes
 from pipeline.nerf.rendering import render_views
+from pipeline.nerf.scene import Scene, load_scene
 from pipeline.nerf.scene import density as scene_density
-from pipeline.nerf.scene import load_scene
+from pipeline.options.asset import Extract
 from pipeline.run.stage import Context, Progress, execute
 
 SILHOUETTE_SIZE = 96
@@ -201,23 +202,31 @@ def _most_thresholds(smoothing: float) -> int:
     return COARSE + 2 * FINE + (BLURRED[2] + FINE if smoothing else 0)
 
 
-def main(context: Context) -> None:
-    """Read the scene; write its raw mesh."""
-    options = context.job.extract
-    scene = load_scene(context.inputs["scene"])
+def scene_surface(
+    scene: Scene, options: Extract, tell: Callable[[int, str], None] = lambda done, note: None
+) -> tuple[Mesh, dict[str, Any]]:
+    """Return the surface of a trained scene, in scene units, and the metrics of its choice."""
     cameras = comparison_cameras(options.views)
     opacity = render_views(scene, cameras, SILHOUETTE_SIZE, np.zeros(4, np.float32)).opacity
     occupied = scene.occupancy.occupied
     samples = sample_logarithm(lambda points: scene_density(scene, points), occupied, options.resolution)
-    with Progress("extract", _most_thresholds(options.smoothing), "thresholds") as progress:
-        mesh, metrics = choose_surface(samples, opacity, cameras, options.smoothing, progress.update)
-    context.metrics.update(
+    mesh, metrics = choose_surface(samples, opacity, cameras, options.smoothing, tell)
+    return mesh, {
         **metrics,
-        vertices=len(mesh.vertices),
-        faces=len(mesh.faces),
-        cell=samples.cell,
-        occupied_share=float(occupied.mean()),
-    )
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        "cell": samples.cell,
+        "occupied_share": float(occupied.mean()),
+    }
+
+
+def main(context: Context) -> None:
+    """Read the scene; write its raw mesh."""
+    options = context.job.extract
+    scene = load_scene(context.inputs["scene"])
+    with Progress("extract", _most_thresholds(options.smoothing), "thresholds") as progress:
+        mesh, metrics = scene_surface(scene, options, progress.update)
+    context.metrics.update(metrics)
     write_ply(context.outputs["mesh"], mesh)
 
 

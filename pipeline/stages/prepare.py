@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float, Int
+
+from pipeline.errors import InputError
 from pipeline.mesh.coordinates import make_coordinates
-from pipeline.mesh.mesh import Mesh
+from pipeline.mesh.mesh import Mesh, face_areas
 from pipeline.mesh.readers import read_mesh
 from pipeline.mesh.topology import topology
 from pipeline.options.paint import Prepare
@@ -19,7 +24,7 @@ PADDING = 64
 """Islands lie a 64th of the atlas apart: two texels of a latent texture of 128."""
 
 
-def _coordinates(mesh: Mesh, options: Prepare, warnings: list[str]) -> tuple[Mesh, dict[str, Any]]:
+def coordinates(mesh: Mesh, options: Prepare, warnings: list[str]) -> tuple[Mesh, dict[str, Any]]:
     """Return the mesh with texture coordinates and metrics about them; what the user should hear is added to
     `warnings`."""
     wanted = options.resolution // PADDING
@@ -34,6 +39,16 @@ def _coordinates(mesh: Mesh, options: Prepare, warnings: list[str]) -> tuple[Mes
     return made, metrics
 
 
+def check_seen(unit: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], path: Path) -> None:
+    """Raise InputError where every face is lost in the extent of the whole; positions are in the
+    unit ball."""
+    if not (face_areas(Mesh(unit, faces)) > 0).any():
+        raise InputError(
+            f"{path}: each of its {len(faces)} faces is lost in its extent (65536 steps a radius): it is too "
+            "thin, or its parts lie too far apart; scale or move them"
+        )
+
+
 def main(context: Context) -> None:
     """Read the file that the user gave; write the mesh as it is and as cameras see it, with coordinates."""
     options = context.job.prepare
@@ -41,6 +56,7 @@ def main(context: Context) -> None:
     if len(given.faces) > MANY_FACES and context.job.param == "texture":
         say(f"warning: {len(given.faces)} faces: new texture coordinates may take minutes to hours")
     unit = to_unit_ball(given, options.up, options.front)
+    check_seen(unit, given.faces, context.inputs["mesh"])
     mesh = Mesh(unit, given.faces, given.uv, given.uv_faces)
     warnings: list[str] = context.metrics.setdefault("warnings", [])
     metrics: dict[str, Any] = {}
@@ -52,7 +68,7 @@ def main(context: Context) -> None:
                 f"the mesh got new texture coordinates; its own are not used: {given.untextured} of its "
                 f"{len(given.faces)} faces have none"
             )
-        mesh, metrics = _coordinates(mesh, options, warnings)
+        mesh, metrics = coordinates(mesh, options, warnings)
     save_paint_mesh(
         context.outputs["mesh"],
         PaintMesh(

@@ -100,17 +100,17 @@ def main(context: Context) -> None:
     def initial() -> State:
         return initial_rgb_state(latent, latent_to_rgb(bundle), options, job.seed)
 
+    def show(state: State) -> None:
+        write_png(context.scratch / PREVIEW, rgb_preview(state.scene, cameras, size))
+
     state, history, resumed_at, warnings = resume(
-        "refine", context.scratch, lambda values: decode_state(values, options), initial
+        "refine", context.scratch, lambda values: decode_state(values, options), initial, show
     )
     gradient, more = possible_gradient(refinement, bundle, inputs)
     compose = rgb_compose(refinement, state.rng)
 
     def keep(state: State, history: History) -> None:
         checkpoints.write(context.scratch, state.step, encode_state(state, history))
-
-    def show(state: State) -> None:
-        write_png(context.scratch / PREVIEW, rgb_preview(state.scene, cameras, size))
 
     with (
         vae_decoder(inputs["vae_decoder"], bundle.latent_scale, job.provider) as decode,

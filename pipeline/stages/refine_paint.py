@@ -30,7 +30,7 @@ from pipeline.options.nerf import Refinement, refined
 from pipeline.options.paint import TrainPaint
 from pipeline.paint.checkpoint import decode_state, encode_state
 from pipeline.paint.given_mesh import load_paint_mesh
-from pipeline.paint.step import PaintState, make_pool, paint_optimizer
+from pipeline.paint.step import PaintState, make_pool, paint_optimizer, shown_views
 from pipeline.paint.train import train
 from pipeline.report.png import write_png
 from pipeline.run.stage import Context, execute
@@ -92,21 +92,24 @@ def main(context: Context) -> None:
         rng = np.random.default_rng([seed, 3])
         return PaintState(colours, background, paint_optimizer(colours, background, options), rng)
 
+    shown = shown_views(pool)
+
+    def show(state: PaintState) -> None:
+        colours, grey = state.colours.detach().numpy(), np.full(3, 0.5, np.float32)
+        views = [view.render(colours, grey).transpose(1, 2, 0) for view in shown]
+        write_png(context.scratch / PREVIEW, np.concatenate(views, axis=1))
+
     state, history, resumed_at, warnings = resume(
         "refine_paint",
         context.scratch,
         lambda values: decode_state(values, options, initial(0)),
         lambda: initial(job.seed),
+        show,
     )
     gradient, more = possible_gradient(refinement, bundle, inputs)
 
     def keep(state: PaintState, history: History) -> None:
         checkpoints.write(context.scratch, state.step, encode_state(state, history))
-
-    def show(state: PaintState) -> None:
-        colours, grey = state.colours.detach().numpy(), np.full(3, 0.5, np.float32)
-        views = [view.render(colours, grey).transpose(1, 2, 0) for view in pool.views[0]]
-        write_png(context.scratch / PREVIEW, np.concatenate(views, axis=1))
 
     with (
         vae_decoder(inputs["vae_decoder"], bundle.latent_scale, job.provider) as decode,

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from pipeline.documents import read_json
 from pipeline.files import file_sha256
 from pipeline.options.job import to_yaml
 from pipeline.report.page import Page, render
@@ -15,6 +16,7 @@ FILES = {
     "asset.obj": "the mesh for other programs",
     "asset.mtl": "its material",
     "albedo.png": "its texture",
+    "normal.png": "its normal map (tangent space, MikkTSpace)",
     "preview.png": "eight views and four normal maps",
     "turntable.mp4": "one turn around the asset",
     "job.yaml": "what was asked for, complete: JOB=job.yaml makes it again",
@@ -47,7 +49,7 @@ def main(context: Context) -> None:
     inputs, outputs = context.inputs, context.outputs
     preview, turntable = inputs["preview"], inputs["turntable"]
     paths = {name: path for name, path in inputs.items() if path.suffix == ".json"}
-    entries = [json.loads(path.read_text(encoding="utf-8")) for path in paths.values()]
+    entries = [read_json(path, "delete it and run again") for path in paths.values()]
     facts = stage_options(context.job, "report")
 
     made = [Path(output["path"]) for entry in entries for output in entry["outputs"].values()]
@@ -56,18 +58,20 @@ def main(context: Context) -> None:
         prompt=facts["prompt"],
         negative=facts["negative"],
         facts={
-            **{name: Path(facts[name]).name for name in ("sketch", "mesh") if facts[name]},
+            **{name: Path(facts[name]).name for name in ("sketch", "mesh", "start") if facts[name]},
             **{name: str(facts[name]) for name in ("model", "quality", "seed")},
         },
         entries=entries,
         preview_png=preview.read_bytes(),
         turntable_mp4=turntable.read_bytes(),
+        asset_glb=inputs["glb"].read_bytes(),
         links=[
             (name, what, files[name].stat().st_size if name in files else None)
             for name, what in FILES.items()
             if name in files or name == outputs["manifest"].name
         ],
         job_yaml=to_yaml(context.job),
+        contest_png=inputs["contest_sheet"].read_bytes() if "contest_sheet" in inputs else None,
     )
     outputs["report"].write_text(render(page), encoding="utf-8")
     manifest = make_manifest(facts, entries, files | {outputs["report"].name: outputs["report"]})

@@ -3,42 +3,16 @@
 Letters: v vertices, f faces.
 """
 
-from pathlib import Path
-
 import numpy as np
 
-from pipeline.errors import InputError
 from pipeline.mesh.mesh import Mesh, write_ply
-from pipeline.mesh.readers import FORMATS, read_mesh
 from pipeline.run.stage import Context, execute
-from pipeline.sketch import drawing
 from pipeline.sketch.lattice import save_sketch, solid_cells
+from pipeline.sketch.reading import read_sketch
 from pipeline.sketch.winding import orient_outwards, place, tabulate
 
 _THIN = 2e-3
 """A solid that fills a smaller share of the box is probably a sheet, or far smaller than a stray vertex."""
-
-
-def read_sketch(path: Path, thickness: float) -> Mesh:
-    """Return the triangles of a mesh file, or of a drawing extruded to `thickness` times its longer side.
-
-    Positions are float64, in the file's units.
-
-    Raises:
-        InputError: see `mesh_input.read_mesh` and `drawing.read_silhouette`.
-    """
-    if path.suffix.lower() not in drawing.FORMATS + FORMATS:
-        raise InputError(
-            f"{path}: the ending is {path.suffix or 'missing'}, expected a mesh ({' '.join(FORMATS)}) "
-            f"or a drawing ({' '.join(drawing.FORMATS)})"
-        )
-    if path.suffix.lower() not in drawing.FORMATS:
-        mesh = read_mesh(path)
-        return Mesh(mesh.vertices, mesh.faces)
-    try:
-        return drawing.extrude(drawing.read_silhouette(path), thickness)
-    except ValueError as error:
-        raise InputError(f"{path} shows no silhouette ({error}): draw the object larger") from None
 
 
 def main(context: Context) -> None:

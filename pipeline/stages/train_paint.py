@@ -11,10 +11,11 @@ from pipeline.diffusion.conditions import conditions_of
 from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.sessions import denoiser
 from pipeline.diffusion.view_gradient import distillation_gradient, flat_backgrounds, load_embeddings
+from pipeline.options.start import set_out
 from pipeline.paint.checkpoint import decode_state, encode_state
 from pipeline.paint.given_mesh import load_paint_mesh
-from pipeline.paint.step import PaintState, initial_paint, make_pool
-from pipeline.paint.surface_latents import Painted, complete, save_painted
+from pipeline.paint.step import PaintState, initial_paint, make_pool, shown_views
+from pipeline.paint.surface_latents import Painted, complete, load_painted, save_painted
 from pipeline.paint.train import train
 from pipeline.report.latents import latent_preview
 from pipeline.report.png import write_png
@@ -26,7 +27,10 @@ from pipeline.training.nan_report import explained
 
 def main(context: Context) -> None:
     """Read the mesh, the embeddings, the denoiser and its schedule; write the latents and their history."""
-    options, inputs, seed = context.job.train_paint, context.inputs, context.job.seed
+    inputs, seed, start = context.inputs, context.job.seed, context.inputs.get("start")
+    options = context.job.train_paint
+    if start is not None:
+        options = set_out(options, context.job.strength)
     bundle = open_bundle(inputs["unet"].parent, verify=False)
     embeddings = load_embeddings(inputs["embeddings"])
     backgrounds = flat_backgrounds(embeddings)
@@ -35,21 +39,28 @@ def main(context: Context) -> None:
     texture = options.texture if context.job.param == "texture" else None
     pool = make_pool(mesh, options, texture, options.resolution or bundle.latent_size, seed)
 
+    shown = shown_views(pool)
+
+    def initial() -> PaintState:
+        latents = None if start is None else load_painted(start).latents[pool.seen]
+        return initial_paint(options, pool, backgrounds, seed, latents)
+
+    def show(state: PaintState) -> None:
+        colours, plain = state.colours.detach().numpy(), np.zeros(4, np.float32)
+        latents = np.stack([view.render(colours, plain) for view in shown])
+        opacity = np.stack([view.covered for view in shown])
+        write_png(context.scratch / PREVIEW, latent_preview(latents, opacity, bundle))
+
     state, history, resumed_at, warnings = resume(
         "train_paint",
         context.scratch,
         lambda values: decode_state(values, options, initial_paint(options, pool, backgrounds, 0)),
-        lambda: initial_paint(options, pool, backgrounds, seed),
+        initial,
+        show,
     )
 
     def keep(state: PaintState, history: History) -> None:
         checkpoints.write(context.scratch, state.step, encode_state(state, history))
-
-    def show(state: PaintState) -> None:
-        colours, plain = state.colours.detach().numpy(), np.zeros(4, np.float32)
-        latents = np.stack([view.render(colours, plain) for view in pool.views[0]])
-        opacity = np.stack([view.covered for view in pool.views[0]])
-        write_png(context.scratch / PREVIEW, latent_preview(latents, opacity, bundle))
 
     rows, provider = 2 * options.cameras_per_step, context.job.provider
     with (

@@ -28,7 +28,8 @@ def write(folder: Path, step: int, values: Mapping[str, np.ndarray]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     partial = folder / f".partial{os.getpid()}"
     try:
-        partial.write_bytes(hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload)
+        with files.create(partial) as stream:
+            stream.write(hashlib.sha256(payload).hexdigest().encode() + b"\n" + payload)
         files.publish([(partial, folder / f"{step:08d}.checkpoint")])
     finally:
         partial.unlink(missing_ok=True)

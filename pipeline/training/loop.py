@@ -19,6 +19,8 @@ from pipeline.training import checkpoints
 
 KEEP_SECONDS = 10.0
 """Time between checkpoints, where steps are slow or few [seconds]."""
+SHOW_SECONDS = 5.0
+"""Time between previews, unless they are asked for by steps; slower steps are shown each [seconds]."""
 PREVIEW = "preview_training.png"
 """The file beside the checkpoints that shows how training goes."""
 
@@ -60,7 +62,7 @@ class Schedule(Protocol):
 
     @property
     def preview_every(self) -> int:
-        """Steps."""
+        """Steps; 0: by time."""
 
 
 S = TypeVar("S", bound=Trained)
@@ -79,15 +81,21 @@ class Start(NamedTuple, Generic[S]):
     """About checkpoints that were damaged."""
 
 
-def resume(stage: str, folder: Path, decode: Decode[S], initial: Callable[[], S]) -> Start[S]:
-    """Return the newest whole checkpoint of `folder`, or the `initial` state, and say which."""
+def resume(
+    stage: str,
+    folder: Path,
+    decode: Decode[S],
+    initial: Callable[[], S],
+    show: Callable[[S], None] = lambda state: None,
+) -> Start[S]:
+    """Return the newest whole checkpoint of `folder`, or the `initial` state, say which, and show it: the
+    networks, which may take long to open, are not needed for that."""
     found, damaged = checkpoints.read_newest(folder, decode)
     state, history = found or (initial(), [])
-    say(
-        f"{stage}: continues after step {state.step}"
-        if found
-        else f"{stage}: a preview will appear at {folder / PREVIEW}"
-    )
+    show(state)
+    if found:
+        say(f"{stage}: continues after step {state.step}")
+    say(f"{stage}: watch it grow in {folder / PREVIEW}")
     warnings = [f"{name} was damaged: trained again from step {state.step}" for name in damaged]
     return Start(state, history, state.step, warnings)
 
@@ -108,7 +116,8 @@ def take_steps(
 
     Args:
         keep: called every `checkpoint_every` steps, every KEEP_SECONDS, and when the training is stopped.
-        show: called every `preview_every` steps.
+        show: called every `preview_every` steps, or (0) after a step once SHOW_SECONDS have passed. It must
+            leave the state, its random numbers too, as it was: when it is called depends on the clock.
         note: what the progress line says of a step.
         last: the steps of the run in all, as known after each; None: those of `schedule`.
 
@@ -118,7 +127,7 @@ def take_steps(
     """
     total = last or (lambda: schedule.steps)
     with Progress(stage, total(), "steps") as progress, stop_signals() as stopped:
-        kept_at = time.monotonic()
+        kept_at = shown_at = time.monotonic()
         while state.step < total():
             metrics = step(state)
             history.append(_row(state.step, metrics))
@@ -130,8 +139,10 @@ def take_steps(
                 kept_at = time.monotonic()
             if stopped():
                 raise KeyboardInterrupt
-            if state.step % schedule.preview_every == 0:
+            by_time = time.monotonic() - shown_at > SHOW_SECONDS
+            if state.step % schedule.preview_every == 0 if schedule.preview_every else by_time:
                 show(state)
+                shown_at = time.monotonic()
 
 
 @contextmanager

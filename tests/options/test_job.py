@@ -15,6 +15,7 @@ from pipeline.options import asset
 from pipeline.options import job as jobs
 from pipeline.options.job import Job, resolve
 from pipeline.options.nerf import TrainNerf
+from pipeline.options.quality import QUALITY
 from pipeline.options.schema import build, describe
 
 
@@ -38,7 +39,7 @@ def test_each_layer_wins_over_the_one_below(models: Path) -> None:
     base = {"PROMPT": "a cup", "MODEL": "plain"}
     assert resolve(base, models) == Job(prompt="a cup", model="plain")
     draft = resolve({**base, "QUALITY": "draft"}, models)
-    assert draft.train_nerf.steps == jobs.QUALITY["draft"]["train_nerf"]["steps"] != TrainNerf().steps
+    assert draft.train_nerf.steps == QUALITY["draft"]["train_nerf"]["steps"] != TrainNerf().steps
     tuned = resolve({**base, "QUALITY": "draft", "MODEL": "tuned"}, models)
     assert (tuned.train_nerf.steps, tuned.train_nerf.guidance_scale, tuned.train_nerf.radius) == (
         77,
@@ -54,7 +55,7 @@ def test_each_layer_wins_over_the_one_below(models: Path) -> None:
     assert written.train_nerf.guidance_scale == 15.0
     said = resolve({"JOB": write(models, asked), "PROMPT": "a cup", "SEED": "6", "QUALITY": "high"}, models)
     assert (said.prompt, said.seed, said.quality, said.train_nerf.steps) == ("a cup", 6, "high", 9)
-    assert said.clean == asset.Clean(**jobs.QUALITY["high"]["clean"])
+    assert said.clean == asset.Clean(**QUALITY["high"]["clean"])
 
 
 def test_another_quality_for_a_complete_file_is_refused(models: Path) -> None:
@@ -179,22 +180,22 @@ def test_errors_name_the_key_the_value_and_what_is_allowed(values: dict[str, Any
     [
         ({}, ["prompt is empty"]),
         ({"PROMPT": "x", "SEED": "1.5"}, ["SEED", "1.5", "4294967295"]),
-        ({"PROMPT": "x", "SEED": "-1"}, ["seed", "-1", "4294967295"]),
-        ({"PROMPT": "x", "SEED": "4294967296"}, ["seed", "4294967295"]),
+        ({"PROMPT": "x", "SEED": "-1"}, ["SEED", "-1", "4294967295"]),
+        ({"PROMPT": "x", "SEED": "4294967296"}, ["SEED", "4294967295"]),
         ({"PROMPT": "x", "SEED": "٣"}, ["SEED"]),
-        ({"PROMPT": "x", "QUALITY": "ultra"}, ["quality", "ultra", "draft | standard | high"]),
+        ({"PROMPT": "x", "QUALITY": "ultra"}, ["QUALITY", "ultra", "draft | standard | high"]),
         ({"PROMPT": "x", "SIGMA_S": "0.3"}, ["SIGMA_S", "SKETCH=file"]),
         ({"PROMPT": "x", "SKETCH": "absent.obj"}, ["SKETCH", "absent.obj"]),
         (
             {"PROMPT": "x", "SKETCH": __file__, "SIGMA_S": "1e9"},
-            ["train_nerf.sigma_s", "1000000000", "0.01", "10"],
+            ["SIGMA_S", "1000000000", "0.01", "10"],
         ),
-        ({"PROMPT": "x", "SKETCH": __file__, "SIGMA_S": "nan"}, ["train_nerf.sigma_s", "nan"]),
+        ({"PROMPT": "x", "SKETCH": __file__, "SIGMA_S": "nan"}, ["SIGMA_S", "nan"]),
         ({"PROMPT": "x", "SKETCH": __file__, "SIGMA_S": "o.3"}, ["SIGMA_S", "o.3"]),
         ({"PROMPT": "x", "REFINE": "yes"}, ["REFINE", "yes", "1", "0"]),
         ({"PROMPT": "x", "MODEL": "none"}, ["MODEL", "none", "plain, tuned"]),
         ({"PROMPT": "x", "MODEL": ".."}, ["MODEL", "plain, tuned"]),
-        ({"PROMPT": "x", "JOB": "absent.yaml"}, ["absent.yaml", "No such file"]),
+        ({"PROMPT": "x", "JOB": "absent.yaml"}, ["absent.yaml", "does not exist"]),
     ],
 )
 def test_errors_of_the_environment(models: Path, environment: dict[str, str], words: list[str]) -> None:
@@ -251,3 +252,21 @@ def test_the_examples_are_jobs() -> None:
     examples = Path(__file__).parents[2] / "examples"
     job = resolve({"PROMPT": "a brown horse", "NEGATIVE": "a chair", "JOB": str(examples / "two-faced.yaml")})
     assert job.train_nerf.perp_neg == 1.0
+
+
+def test_how_an_asset_is_published_can_be_said_in_the_environment(models: Path) -> None:
+    base = {"PROMPT": "a cup", "MODEL": "plain"}
+    job = resolve({**base, "UNLIT": "1", "PIVOT": "centre", "SIZE_M": "0.12"}, models)
+    assert (job.publish.unlit, job.publish.pivot, job.publish.size_m) == (True, "centre", 0.12)
+    assert resolve({**base, "UNLIT": "0"}, models).publish == asset.Publish()
+    for name, value, words in (
+        ("UNLIT", "yes", r"UNLIT is 'yes', expected 1"),
+        ("PIVOT", "top", "base | centre"),
+        ("SIZE_M", "tall", "SIZE_M is 'tall'"),
+        ("SIZE_M", "-1", "from 0 to 10000"),
+    ):
+        with pytest.raises(InputError, match=words):
+            resolve({**base, name: value}, models)
+    mesh = write(models, "")
+    with pytest.raises(InputError, match="PIVOT is given with MESH"):
+        resolve({**base, "MESH": mesh, "PIVOT": "base"}, models)

@@ -9,6 +9,7 @@ import trimesh
 from PIL import Image
 
 from pipeline.mesh.gltf import glb_bytes
+from pipeline.mesh.materials import PLAIN
 from pipeline.mesh.readers import read_mesh
 from pipeline.paint.asset_parts import float32_place, linear_light, painted_obj, painted_parts
 from pipeline.paint.given_mesh import PaintMesh
@@ -30,7 +31,8 @@ def glb(mesh: PaintMesh, colours: np.ndarray | None = None) -> trimesh.Scene:
     Image.new("RGB", (4, 4), (200, 10, 10)).save(png, format="PNG")
     place = float32_place(mesh.vertices)
     parts = painted_parts(mesh, place, colours)
-    data = glb_bytes(parts, png.getvalue() if colours is None else None, translation=place, double_sided=True)
+    image = png.getvalue() if colours is None else None
+    data = glb_bytes(parts, image, PLAIN, translation=place, double_sided=True)
     return trimesh.load_scene(io.BytesIO(data), file_type="glb", process=False)
 
 

@@ -2,12 +2,13 @@
 
 import dataclasses
 import re
+from typing import Any
 
 from pipeline.options.job import Job
 from pipeline.options.nerf import Refinement
 from pipeline.options.schema import snake
 from pipeline.run import costs
-from pipeline.run.chain import PAINT, REPORT, STAGES, TEXT, stage_options, stages_of
+from pipeline.run.chain import STAGES, stage_options, stages_of
 from pipeline.run.staleness import ROOT
 
 
@@ -37,11 +38,17 @@ def test_trainings_name_a_section_of_their_options() -> None:
 
 
 def test_a_job_has_the_stages_that_it_asks_for() -> None:
-    plain = [stage.name for stage in stages_of(Job(prompt="x"))]
-    assert plain == [stage.name for stage in TEXT if not stage.optional] + ["report"]
-    whole = stages_of(Job(prompt="x", sketch="a.obj", refine=True))
-    assert whole == [*TEXT, REPORT]
-    assert [stage.name for stage in stages_of(Job(prompt="x", mesh="a.obj"))] == [
-        stage.name for stage in (*PAINT, REPORT) if not stage.optional
-    ]
-    assert stage_options(Job(prompt="x", seed=3), "publish_paint").keys() == {"param", "publish"}
+    def stages(**asked: Any) -> list[str]:
+        return [stage.name for stage in stages_of(Job(prompt="x", **asked))]
+
+    made = ["extract", "clean", "unwrap", "bake", "publish", "report"]
+    painted = ["publish_paint", "report"]
+    assert stages() == ["embed", "train_nerf", *made]
+    assert stages(sketch="a.obj", refine=True) == ["embed", "sketch", "train_nerf", "refine", *made]
+    assert stages(start="b.glb") == ["embed", "start", "train_nerf", *made]
+    assert stages(seeds=4) == ["embed", "contest", "train_nerf", *made]
+    assert stages(mesh="a.obj") == ["embed", "prepare", "train_paint", "bake_paint", *painted]
+    assert stages(mesh="a.obj", start="b", refine=True) == [
+        "embed", "prepare", "start_paint", "train_paint", "bake_paint", "refine_paint", *painted
+    ]  # fmt: skip
+    assert stage_options(Job(prompt="x", seed=3), "publish_paint").keys() == {"prompt", "param", "publish"}

@@ -11,11 +11,12 @@ from pathlib import Path
 import pytest
 
 from pipeline.files import file_sha256
-from pipeline.run import engine
+from pipeline.run import snakemake_process
 from tests.fake_project import RUN_STAGES, STEPS, Project, kill_group
 
 FAKES = RUN_STAGES[:-1]
 PROMPT = "a red ball"
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +106,7 @@ def test_a_changed_option_reruns_only_what_depends_on_it(project: Project) -> No
 
 def test_a_sketch_is_tabulated_once_whatever_its_name_and_sigma(project: Project) -> None:
     first, second = (project.root / name for name in ("a {b} 'house'.obj", "$(touch y).obj"))
-    first.write_text("walls and a roof")
+    first.write_text(TRIANGLE)
     result = project.make("run", PROMPT=PROMPT, SKETCH=first.name)
     after_sketch = ["train_nerf", "extract", "clean", "bake", "publish"]  # the mesh comes out the same
     assert result.returncode == 0, result.stderr
@@ -117,10 +118,10 @@ def test_a_sketch_is_tabulated_once_whatever_its_name_and_sigma(project: Project
     assert "sketch.npz" in manifest["files"]
     assert manifest["job"]["sketch"] == first.name
     assert project.ran(project.make("run", PROMPT=PROMPT, SKETCH=first.name, SIGMA_S="0.1")) == after_sketch
-    second.write_text("walls and a roof")
+    second.write_text(TRIANGLE)
     assert project.ran(project.make("run", PROMPT=PROMPT, SKETCH=str(second))) == []
     assert not (project.root / "y").exists()
-    first.write_text("a tower")
+    first.write_text(TRIANGLE + "# a tower")
     assert project.ran(project.make("run", PROMPT=PROMPT, SKETCH=first.name)) == ["sketch", *after_sketch]
     planned = project.make("plan", PROMPT=PROMPT, SKETCH=first.name, SEED="5").stdout
     assert "sketch" in planned
@@ -180,13 +181,34 @@ def test_a_signal_that_the_caller_ignores_stays_ignored() -> None:
     """As under nohup."""
     former = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        with engine._termination_as_interrupt():
+        with snakemake_process._termination_as_interrupt():
             os.kill(os.getpid(), signal.SIGHUP)
             with pytest.raises(KeyboardInterrupt):
                 os.kill(os.getpid(), signal.SIGTERM)
         assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGHUP, former)
+
+
+@pytest.mark.parametrize("obeys", [True, False])
+def test_snakemake_may_call_off_its_jobs_before_it_ends(tmp_path: Path, obeys: bool) -> None:
+    ready = tmp_path / "ready"
+    process = os.fork()
+    if process == 0:
+        try:
+            signal.signal(signal.SIGINT, signal.default_int_handler if obeys else signal.SIG_IGN)
+            ready.touch()
+            time.sleep(60)
+        except KeyboardInterrupt:
+            (tmp_path / "called off").touch()
+        finally:
+            os._exit(0)
+    while not ready.exists():
+        time.sleep(0.01)
+    snakemake_process.end_snakemake(process, tmp_path / "no log", 30.0 if obeys else 0.2)
+    assert (tmp_path / "called off").exists() == obeys
+    with pytest.raises(ChildProcessError):
+        os.waitpid(process, 0)
 
 
 def test_kill_9_of_everything_then_the_same_command(project: Project) -> None:
@@ -214,7 +236,7 @@ def test_nothing_lives_on_when_only_the_front_door_is_killed(project: Project) -
     (project.root / "slow").write_text("0.1")
     process = project.start("run", PROMPT=PROMPT)
     project.wait_for_step(2)
-    front_door = int((project.latest / ".lock").read_text())
+    front_door = int(next(project.root.glob("runs/*/.lock")).read_text())
     subprocess.run(["kill", "-9", str(front_door)], check=True)
     process.communicate(timeout=20)
     step = next(project.root.glob("runs/*/checkpoints/train_nerf/step.checkpoint"))

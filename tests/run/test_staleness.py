@@ -123,6 +123,9 @@ def test_entries_that_cannot_be_read_count_as_absent(tmp_path: Path) -> None:
         assert staleness.read_entry(tmp_path, "clean") is None
 
 
+FIGURES = {"seconds": 1.0, "peak_memory_mb": 100.0}
+
+
 def test_damage_is_named(tmp_path: Path) -> None:
     for name in ("whole", "empty", "other"):
         (tmp_path / name).write_text("content")
@@ -141,7 +144,7 @@ def test_a_twin_is_the_newest_intact_run_and_broken_ones_are_passed_over(tmp_pat
     def sibling(name: str, key: object, outputs: object, age: float) -> Path:
         path = staleness.entry_path(tmp_path / name, "bake")
         path.parent.mkdir(parents=True)
-        path.write_text(json.dumps({"key": key, "outputs": outputs, "inputs": {}}))
+        path.write_text(json.dumps({"key": key, "outputs": outputs, "inputs": {}, "metrics": {}, **FIGURES}))
         os.utime(path, (1e9 - age, 1e9 - age))
         (tmp_path / name / "a.png").write_bytes(b"picture")
         return tmp_path / name

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.mesh.mesh import Mesh
+from pipeline.mesh.mesh import Mesh, vertex_normals
 from pipeline.mesh.silhouettes import comparison_cameras, mean_iou, silhouettes
 from pipeline.mesh.topology import face_components, signed_volumes, topology
 from pipeline.stages.clean import clean_mesh, remove_cavities, remove_floaters
@@ -16,7 +16,7 @@ def names(steps: list[dict]) -> list[str]:
 def test_chair_stays_whole_within_the_budget() -> None:
     raw = shapes.mesh_of(shapes.chair(), 96)
     assert len(raw.faces) > 4000
-    mesh, steps = clean_mesh(raw, 2000, 5, 0.02)
+    mesh, _, steps = clean_mesh(raw, 2000, 5, 0.02)
     assert len(mesh.faces) <= 2000
     counts = topology(mesh)
     assert counts.manifold
@@ -43,7 +43,7 @@ def test_floaters_go_and_large_parts_stay() -> None:
     )
     raw = shapes.mesh_of(solid, 48)
     assert topology(raw).components == 3
-    mesh, steps = clean_mesh(raw, 100_000, 0, 0.05)
+    mesh, _, steps = clean_mesh(raw, 100_000, 0, 0.05)
     assert topology(mesh).components == 2
     assert mesh.vertices[:, 1].max() < 0.5
     floaters = next(step for step in steps if step["step"] == "floaters")
@@ -77,7 +77,7 @@ def test_a_hollow_loses_its_inner_wall() -> None:
 
 def test_a_mesh_inside_out_is_turned_and_keeps_its_pieces() -> None:
     raw = shapes.mesh_of(shapes.ball(0.5), 24)
-    mesh, _ = clean_mesh(Mesh(raw.vertices, raw.faces[:, ::-1].copy()), 100_000, 0, 0.02)
+    mesh, *_ = clean_mesh(Mesh(raw.vertices, raw.faces[:, ::-1].copy()), 100_000, 0, 0.02)
     assert signed_volumes(mesh, face_components(mesh))[0] > 0
     assert len(mesh.faces) == len(raw.faces)
 
@@ -87,7 +87,7 @@ def test_broken_meshes_are_repaired() -> None:
     raw = shapes.mesh_of(shapes.ball(0.5), 24)
     faces = np.concatenate([raw.faces[3:], raw.faces[10:20], [[5, 5, 6]]]).astype(np.int32)
     vertices = np.concatenate([raw.vertices, [[9, 9, 9]]]).astype(np.float32)
-    mesh, _ = clean_mesh(Mesh(vertices, faces), 100_000, 0, 0.02)
+    mesh, *_ = clean_mesh(Mesh(vertices, faces), 100_000, 0, 0.02)
     counts = topology(mesh)
     assert counts.manifold
     assert counts.closed
@@ -107,7 +107,7 @@ def test_an_edge_of_four_faces_is_repaired() -> None:
         np.concatenate([first.faces, joined]).astype(np.int32),
     )
     assert topology(raw).non_manifold_edges == 1
-    mesh, _ = clean_mesh(raw, 100_000, 0, 0.0)
+    mesh, *_ = clean_mesh(raw, 100_000, 0, 0.0)
     assert topology(mesh).manifold
 
 
@@ -115,7 +115,7 @@ def test_smoothing_keeps_the_volume_and_removes_the_staircase() -> None:
     raw = shapes.mesh_of(shapes.ball(0.5), 32)
     rng = np.random.default_rng(0)
     noisy = raw._replace(vertices=raw.vertices + rng.normal(0, 0.01, raw.vertices.shape).astype(np.float32))
-    mesh, _ = clean_mesh(noisy, 100_000, 10, 0.02)
+    mesh, *_ = clean_mesh(noisy, 100_000, 10, 0.02)
     before = np.linalg.norm(noisy.vertices, axis=1).std()
     after = np.linalg.norm(mesh.vertices, axis=1).std()
     assert after < 0.5 * before
@@ -128,3 +128,21 @@ def test_same_input_same_bytes() -> None:
     first, second = (clean_mesh(raw, 1500, 5, 0.02)[0] for _ in range(2))
     assert first.vertices.tobytes() == second.vertices.tobytes()
     assert first.faces.tobytes() == second.faces.tobytes()
+
+
+def test_denoised_is_smoother_closed_and_within_the_budget() -> None:
+    raw = shapes.mesh_of(shapes.ball(0.5), 64)
+    away = raw.vertices / np.linalg.norm(raw.vertices, axis=1, keepdims=True)
+    waves = 0.004 * np.sin(70 * raw.vertices).sum(axis=1, keepdims=True)
+    noisy = raw._replace(vertices=(raw.vertices + waves * away).astype(np.float32))
+
+    def roughness(mesh: Mesh) -> float:
+        outwards = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
+        return float(np.degrees(np.arccos(np.clip((vertex_normals(mesh) * outwards).sum(1), -1, 1))).mean())
+
+    plain, smooth = (clean_mesh(noisy, 4000, 5, 0.02, reach=reach) for reach in (0.0, 0.1))
+    assert roughness(smooth.mesh) < 0.6 * roughness(plain.mesh)
+    assert "denoising" in [step["step"] for step in smooth.steps]
+    assert len(smooth.mesh.faces) <= 4000 < len(smooth.fine.faces)
+    assert topology(smooth.mesh).closed
+    assert topology(smooth.mesh).manifold

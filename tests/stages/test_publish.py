@@ -7,7 +7,8 @@ import pytest
 import trimesh
 from PIL import Image
 
-from pipeline.mesh.mesh import material_text, read_obj, write_obj
+from pipeline.mesh.file_checks import read_gltf_json
+from pipeline.mesh.mesh import read_obj, write_obj
 from pipeline.mesh.topology import topology
 from pipeline.mesh.unwrap import unwrap_mesh
 from pipeline.options.job import Job
@@ -25,10 +26,11 @@ NAMES = {
 }
 
 
-def run(folder: Path, out: str) -> dict[str, Any]:
+def run(folder: Path, out: str, prompt: str = "a torus", **more: Any) -> dict[str, Any]:
     (folder / out).mkdir()
-    job = Job(prompt="a torus")
-    options = dataclasses.replace(job.publish, preview_size=48, turntable_size=48, turntable_frames=4)
+    job = Job(prompt=prompt)
+    small = {"preview_size": 48, "turntable_size": 48, "turntable_frames": 4, **more}
+    options = dataclasses.replace(job.publish, **small)
     context = Context(
         dataclasses.replace(job, publish=options),
         {"mesh": folder / "mesh_uv.obj", "albedo": folder / "albedo_baked.png"},
@@ -72,7 +74,8 @@ def test_the_obj_opens_with_its_material_and_texture(folder: Path, metrics: dict
     texture = np.asarray(visual.material.image.convert("RGB"))
     np.testing.assert_array_equal(texture, np.asarray(Image.open(folder / "albedo_baked.png")))
     assert len(loaded.faces) == metrics["faces"]
-    assert material_text("albedo.png") == (folder / "first" / "asset.mtl").read_text()
+    assert "illum 2" in (folder / "first" / "asset.mtl").read_text()
+    assert "\no torus\n" in (folder / "first" / "asset.obj").read_text()
 
 
 def test_obj_and_glb_agree(folder: Path, metrics: dict[str, Any]) -> None:
@@ -94,3 +97,27 @@ def test_everything_is_the_same_the_second_time(folder: Path, metrics: dict[str,
     assert run(folder, "second") == metrics
     for name in NAMES.values():
         assert (folder / "first" / name).read_bytes() == (folder / "second" / name).read_bytes(), name
+
+
+def extents(folder: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return the least and greatest coordinates of an asset, and see that GLB and OBJ agree on them."""
+    glb = trimesh.load_scene(folder / "asset.glb").bounds
+    np.testing.assert_allclose(trimesh.load_mesh(folder / "asset.obj").bounds, glb, atol=1e-6)
+    return glb[0], glb[1]
+
+
+def test_the_asset_stands_on_the_floor_in_metres_under_its_name(
+    folder: Path, metrics: dict[str, Any]
+) -> None:
+    low, high = extents(folder / "first")
+    np.testing.assert_allclose([low[1], *(low + high)[[0, 2]]], 0, atol=1e-6)
+    found = run(folder, "centred", "a golden torus", pivot="centre", size_m=3.0, unlit=True)
+    low, high = extents(folder / "centred")
+    np.testing.assert_allclose(low + high, 0, atol=1e-5)
+    assert (high - low).max() == pytest.approx(3)
+    assert found["material"] == {"word": "golden", "roughness": 0.3, "metallic": 1.0, "unlit": True}
+    assert metrics["material"]["word"] == ""
+    document = read_gltf_json(folder / "centred" / "asset.glb")
+    named = [document[what][0]["name"] for what in ("nodes", "meshes", "materials")]
+    assert named == ["golden_torus"] * 3
+    assert "illum 0" in (folder / "centred" / "asset.mtl").read_text()

@@ -24,6 +24,7 @@ from pipeline.run.stage import Context
 from pipeline.sketch.lattice import Sketch, look_up, save_sketch, volume_iou
 from pipeline.sketch.winding import tabulate
 from pipeline.stages import train_nerf
+from pipeline.training import loop
 from pipeline.training.loop import PREVIEW
 from tests.nerf.test_step import SMALL
 from tests.tiny_bundle import DISC, write_tiny_bundle
@@ -141,6 +142,16 @@ def test_killed_and_resumed_gives_the_same_bytes(
     assert again.metrics["resumed_at"] == 10
     assert any(newest.name in warning for warning in again.metrics["warnings"])
     assert again.outputs["scene"].read_bytes() == finished.outputs["scene"].read_bytes()
+
+
+def test_previews_change_nothing_however_many_there_are(
+    finished: Context, bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """When they come depends on the clock; the asset must not."""
+    monkeypatch.setattr(loop, "SHOW_SECONDS", -1.0)
+    context = make_context(tmp_path / "watched", bundle, preview_every=0)
+    train_nerf.main(context)
+    assert context.outputs["scene"].read_bytes() == finished.outputs["scene"].read_bytes()
 
 
 def test_a_bundle_without_encoder_trains_on_made_up_backgrounds(bundle: Path, tmp_path: Path) -> None:

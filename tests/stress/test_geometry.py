@@ -91,7 +91,7 @@ def test_slivers_are_unwrapped_painted_and_baked() -> None:
 
 def test_the_clean_stage_survives_slivers() -> None:
     """Marching cubes makes some where the surface grazes a lattice point."""
-    mesh, _ = clean_mesh(with_slivers(), 400, 2, 0.02)
+    mesh, *_ = clean_mesh(with_slivers(), 400, 2, 0.02)
     counts = topology(mesh)
     assert counts.manifold
     assert np.isfinite(mesh.vertices).all()

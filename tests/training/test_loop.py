@@ -60,6 +60,29 @@ def test_steps_are_recorded_kept_and_shown() -> None:
     assert (heard.kept, heard.shown) == ([4, 8], [3, 6, 9])
 
 
+def test_what_a_training_starts_from_is_shown_before_its_first_step(tmp_path: Path) -> None:
+    shown: list[int] = []
+
+    def decode(values) -> tuple[Counter, History]:
+        return Counter(int(values["step"])), []
+
+    resume("test", tmp_path, decode, Counter, lambda state: shown.append(state.step))
+    checkpoints.write(tmp_path, 4, {"step": np.array(4)})
+    resume("test", tmp_path, decode, Counter, lambda state: shown.append(state.step))
+    assert shown == [0, 4]
+
+
+@pytest.mark.parametrize(("seconds", "shown"), [(-1.0, [*range(1, 11)]), (1e9, [])])
+def test_previews_come_by_time_where_no_steps_are_asked_for(
+    seconds: float, shown: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Steps that are slower than the time between previews are shown each."""
+    monkeypatch.setattr(loop, "SHOW_SECONDS", seconds)
+    heard = Heard()
+    take_steps("test", Counter(), [], Pace(preview_every=0), count, show=heard.show)
+    assert heard.shown == shown
+
+
 def test_only_steps_that_are_left_are_taken_and_none_of_a_finished_run() -> None:
     state, history = Counter(7), [{"step": i + 1} for i in range(7)]
     take_steps("test", state, history, Pace(), count)
@@ -124,7 +147,7 @@ def test_resuming_takes_the_newest_checkpoint_and_names_damaged_ones(
         return Counter(int(values["step"])), [{"step": i + 1} for i in range(int(values["step"]))]
 
     assert resume("test", tmp_path, decode, Counter) == (Counter(), [], 0, [])
-    assert f"test: a preview will appear at {tmp_path / loop.PREVIEW}" in capsys.readouterr().err
+    assert f"test: watch it grow in {tmp_path / loop.PREVIEW}" in capsys.readouterr().err
     for step in (4, 8):
         checkpoints.write(tmp_path, step, {"step": np.array(step)})
     start = resume("test", tmp_path, decode, Counter)

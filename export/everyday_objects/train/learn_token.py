@@ -37,6 +37,7 @@ from pipeline.diffusion.prompts import view_table
 from pipeline.diffusion.tokenizer import ClipTokenizer, load_tokenizer
 from pipeline.diffusion.tokens import LearnedToken, TokenTable, insert_tokens
 from pipeline.errors import InputError
+from pipeline.options.job import bundle_folder
 from pipeline.run.stage import Progress
 
 FORMATS = (".png", ".jpg", ".jpeg", ".webp")
@@ -237,7 +238,7 @@ def save(path: Path, name: str, embeddings: torch.Tensor) -> None:
 def main() -> int:
     """Command line; IMAGES and NAME come from the environment, as make passes them."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--folder", type=Path, default=Path("onnx_models") / NAME)
+    parser.add_argument("--folder", type=Path, default=None)
     parser.add_argument("--steps", type=int, default=STEPS)
     options = parser.parse_args()
     name = os.environ.get("NAME", "")
@@ -252,7 +253,8 @@ def main() -> int:
                 f"NAME is {name!r}, but {path} exists: choose another name, or move that file away"
             )
         pictures = read_pictures(Path(os.environ["IMAGES"]))
-        tokenizer, networks = load_tokenizer(options.folder / "tokenizer"), restore_networks(options.folder)
+        folder = options.folder or bundle_folder(NAME)
+        tokenizer, networks = load_tokenizer(folder / "tokenizer"), restore_networks(folder)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
