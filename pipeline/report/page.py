@@ -107,7 +107,7 @@ def render(page: Page) -> str:
         *_before(page),
         "<h2>Left out, since this scene does not need it</h2>",
         f"<ul>{''.join(f'<li>{html.escape(line)}</li>' for line in unneeded(page.entries))}</ul>",
-        "<h2>Figures</h2>",
+        "<h2>Metrics</h2>",
         *(_figures(entry) for entry in page.entries if set(entry["metrics"]) - {"warnings"}),
         "<h2>Job</h2>",
         f"<details><summary>every option</summary><pre>{html.escape(page.job_yaml)}</pre></details>",

@@ -71,8 +71,8 @@ def available_memory_mb() -> float | None:
     found = [limit / 2**20] if limit != resource.RLIM_INFINITY else []
     with contextlib.suppress(OSError, KeyError, ValueError, IndexError):
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-        figures = dict(line.split(":", 1) for line in lines)
-        found.append(int(figures["MemAvailable"].split()[0]) / 1024)
+        entries = dict(line.split(":", 1) for line in lines)
+        found.append(int(entries["MemAvailable"].split()[0]) / 1024)
     with contextlib.suppress(OSError, ValueError):  # "max" is no limit
         group = Path("/sys/fs/cgroup")
         most, now = (int((group / f"memory.{name}").read_text()) for name in ("max", "current"))

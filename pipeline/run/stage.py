@@ -60,7 +60,7 @@ class Context:
     scratch: Path
     """Survives a kill and is removed after success: checkpoints. Emptied when the stage's key changes."""
     metrics: dict[str, Any] = field(default_factory=dict)
-    """Figures for the manifest (JSON values); ``metrics["warnings"]``, a list of sentences, is shown."""
+    """For the manifest (JSON values); ``metrics["warnings"]``, a list of sentences, is shown."""
 
 
 def execute(name: str, main: Callable[[Context], None]) -> None:

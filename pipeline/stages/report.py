@@ -20,7 +20,7 @@ FILES = {
     "preview.png": "eight views and four normal maps",
     "turntable.mp4": "one turn around the asset",
     "job.yaml": "what was asked for, complete: JOB=job.yaml makes it again",
-    "manifest.json": "checksums, options, versions and figures of every stage",
+    "manifest.json": "checksums, options, versions and metrics of every stage",
 }
 
 

@@ -1,9 +1,7 @@
 """Runs through the front door with stages that take no time: what runs, what does not, what survives."""
 
 import json
-import os
 import shutil
-import signal
 import subprocess
 import time
 from pathlib import Path
@@ -11,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from pipeline.files import file_sha256
-from pipeline.run import snakemake_process
 from tests.fake_project import RUN_STAGES, STEPS, Project, kill_group
 
 FAKES = RUN_STAGES[:-1]
@@ -175,40 +172,6 @@ def test_a_damaged_job_file_is_mended(project: Project, content: str | None) -> 
     assert "nothing to do" in project.make("run", PROMPT=PROMPT).stderr
     assert file.read_bytes() == before
     assert project.make("verify", RUN="runs/latest").returncode == 0
-
-
-def test_a_signal_that_the_caller_ignores_stays_ignored() -> None:
-    """As under nohup."""
-    former = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    try:
-        with snakemake_process._termination_as_interrupt():
-            os.kill(os.getpid(), signal.SIGHUP)
-            with pytest.raises(KeyboardInterrupt):
-                os.kill(os.getpid(), signal.SIGTERM)
-        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
-    finally:
-        signal.signal(signal.SIGHUP, former)
-
-
-@pytest.mark.parametrize("obeys", [True, False])
-def test_snakemake_may_call_off_its_jobs_before_it_ends(tmp_path: Path, obeys: bool) -> None:
-    ready = tmp_path / "ready"
-    process = os.fork()
-    if process == 0:
-        try:
-            signal.signal(signal.SIGINT, signal.default_int_handler if obeys else signal.SIG_IGN)
-            ready.touch()
-            time.sleep(60)
-        except KeyboardInterrupt:
-            (tmp_path / "called off").touch()
-        finally:
-            os._exit(0)
-    while not ready.exists():
-        time.sleep(0.01)
-    snakemake_process.end_snakemake(process, tmp_path / "no log", 30.0 if obeys else 0.2)
-    assert (tmp_path / "called off").exists() == obeys
-    with pytest.raises(ChildProcessError):
-        os.waitpid(process, 0)
 
 
 def test_kill_9_of_everything_then_the_same_command(project: Project) -> None:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from export.everyday_objects.data.captions import caption, seen_from
+from export.everyday_objects.data.captions import caption, seen_from, styled
 from export.everyday_objects.data.kinds import BY_WORD
 from export.everyday_objects.data.pictures import look_of
 from export.everyday_objects.networks.denoiser import CAMERA
@@ -16,9 +16,9 @@ VIEWS = 4
 """Of an object in a step, a quarter of a turn apart."""
 OBJECTS = 32
 """Of a step."""
-TEXT_DROPOUT, CAMERA_DROPOUT, BACKDROP_DROPOUT, VIEW_WORDS, APART = 0.1, 0.1, 0.1, 0.5, 0.1
+TEXT_DROPOUT, CAMERA_DROPOUT, BACKDROP_DROPOUT, VIEW_WORDS, APART, STYLED = 0.1, 0.1, 0.1, 0.5, 0.1, 0.75
 """Shares of objects without text, without camera, without backdrop; of those with view words beside a camera
-(all have them without one); of steps in which views do not see each other."""
+(all have them without one); of steps in which views do not see each other; of captions with the design."""
 
 
 class Objects(NamedTuple):
@@ -55,14 +55,21 @@ def shard_numbers(folder: Path) -> list[str]:
 
 
 def load_objects(folder: Path, numbers: list[str], known: Objects | None = None) -> Objects:
-    """Return the shards `numbers` of a folder, after those that are known already."""
+    """Return the shards `numbers` of a folder, after those that are known already; objects of designs that
+    are not trained on any more are left out."""
     found = known or Objects([], [], [], [])
     for number in numbers[len(found.rows) :]:
         with np.load(folder / f"{number}.npz") as said:
-            found.cameras.append(said["cameras"])
-            found.backdrops.append(said["backdrops"])
-            found.rows.append(json.loads(str(said["rows"])))
-        found.latents.append(np.load(folder / f"{number}.npy", mmap_mode="r"))
+            rows, cameras, backdrops = json.loads(str(said["rows"])), said["cameras"], said["backdrops"]
+        latents = np.load(folder / f"{number}.npy", mmap_mode="r")
+        kept = [i for i, (word, design, *_) in enumerate(rows) if design < BY_WORD[word].variants]
+        if len(kept) < len(rows):
+            latents, cameras, backdrops = latents[kept], cameras[kept], backdrops[kept]
+            rows = [rows[i] for i in kept]
+        found.latents.append(latents)
+        found.cameras.append(cameras)
+        found.backdrops.append(backdrops)
+        found.rows.append(rows)
     return found
 
 
@@ -93,15 +100,18 @@ def draw_batch(objects: Objects, step: int, count: int = OBJECTS) -> Batch:
     no_text, told, behind = (
         rng.random(count) >= p for p in (1 - TEXT_DROPOUT, CAMERA_DROPOUT, BACKDROP_DROPOUT)
     )
+    ends = np.cumsum([len(rows) for rows in objects.rows])
     for i in range(count):
-        shard = rng.integers(len(objects.rows))
-        row = rng.integers(len(objects.rows[shard]))
+        drawn = rng.integers(ends[-1])
+        shard = int(np.searchsorted(ends, drawn, side="right"))
+        row = int(drawn - ends[shard] + len(objects.rows[shard]))
         views = np.arange(rng.integers(2), 2 * VIEWS, 2)
         clean.append(np.asarray(objects.latents[shard][row, views], np.float32))
         cameras.append(objects.cameras[shard][row, views])
         backdrops.append(objects.backdrops[shard][row, views])
-        word, _, *look = objects.rows[shard][row]
+        word, design, *look = objects.rows[shard][row]
         text = "" if no_text[i] else caption(rng, BY_WORD[word], look_of(look))
+        text = styled(text, design) if text and rng.random() < STYLED else text
         said = text and (not told[i] or rng.random() < VIEW_WORDS)
         texts += [seen_from(text, float(c[0]), float(c[1])) if said else text for c in cameras[-1]]
     timesteps = np.repeat(draw_timesteps(rng, count), VIEWS)
