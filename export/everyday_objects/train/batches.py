@@ -99,7 +99,7 @@ def draw_timesteps(rng: np.random.Generator, count: int) -> np.ndarray:
 
 
 def draw_object(objects: Objects, ends: np.ndarray, rng: np.random.Generator) -> tuple[int, int]:
-    """Draw an object: its shard, and its row there; `ends` (shards,) counts the objects up to each one's end."""
+    """Draw an object: its shard and its row there. `ends` (shards,): objects up to the end of each shard."""
     while True:
         drawn = rng.integers(ends[-1])
         shard = int(np.searchsorted(ends, drawn, side="right"))
