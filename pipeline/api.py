@@ -129,7 +129,6 @@ def train_field(
     """
     import torch
 
-    from pipeline.diffusion.prompts import design_words
     from pipeline.diffusion.schedule import load_schedule
     from pipeline.diffusion.sessions import text_encoder
     from pipeline.diffusion.tokenizer import load_tokenizer
@@ -142,10 +141,7 @@ def train_field(
         raise InputError("train_field takes no sketch and no mesh: leave them out of the job")
     bundle = load_bundle(job.model, verify=False)
     tokenizer = load_tokenizer(bundle.path / "tokenizer")
-    design = design_words(bundle.designs, job.seed, job.prompt)
-    texts = prepare_texts(
-        job.prompt, job.negative, tokenizer, bundle.view_prompts, bundle.known_words, design
-    )
+    texts = prepare_texts(job.prompt, job.negative, tokenizer, bundle.view_prompts, bundle.known_words)
     with text_encoder(bundle.path / "text_encoder", provider=job.provider) as encode_text:
         rows = embed_texts([*texts.views, texts.negative], tokenizer, encode_text)
     embeddings = Embeddings(rows[:-1], rows[-1], bundle.view_prompts, None)

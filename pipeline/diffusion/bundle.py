@@ -66,8 +66,6 @@ class Bundle:
     """Values of `TrainNerf` that suit this model better than the defaults."""
     known_words: frozenset[str] | None
     """Words of its training captions; None when any text will do."""
-    designs: tuple[str, ...]
-    """Words for each of the shapes that it knows of every kind; a prompt gets those that the seed chooses."""
     latent_to_rgb: tuple[tuple[float, ...], ...] | None
     """3 x c matrix A of the linear map from scaled latents z to colour, RGB = (A z + bias + 1) / 2."""
     latent_to_rgb_bias: tuple[float, ...]
@@ -252,9 +250,6 @@ def _describe(folder: Path, described: dict[str, Any], files: dict[str, str], gr
     words = described.get("known_words")
     if words is not None and not (isinstance(words, list) and all(isinstance(w, str) for w in words)):
         raise InputError(f"{place}: known_words is no list of words; correct it or export again")
-    designs = _field(place, described, "designs", list, [])
-    if not all(isinstance(words, str) and words.strip() for words in designs):
-        raise InputError(f"{place}: designs is no list of words; correct it or export again")
     return Bundle(
         path=folder,
         name=_field(place, described, "name", str, folder.name),
@@ -265,7 +260,6 @@ def _describe(folder: Path, described: dict[str, Any], files: dict[str, str], gr
         view_prompts=view_prompts,
         distillation=_field(place, described, "distillation", dict, {}),
         known_words=None if words is None else frozenset(words),
-        designs=tuple(designs),
         latent_to_rgb=_numbers(place, described, "latent_to_rgb", (3, channels)) if has_map else None,
         latent_to_rgb_bias=_numbers(place, described, "latent_to_rgb_bias", (3,))
         if has_map

@@ -9,9 +9,6 @@ at +X); polar is measured from straight above.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
-
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -52,13 +49,6 @@ def view_texts(prompt: str, view_prompts: str) -> list[str]:
 def view_suffixes(view_prompts: str) -> list[str]:
     """Return what each view adds to the prompt: ", front view" and so on."""
     return [f", {words}" for words in view_table(view_prompts)]
-
-
-def design_words(designs: Sequence[str], seed: int, prompt: str) -> str:
-    """Return the words for one of a model's `designs`, the same for the same seed; "" where it has none, or
-    the prompt names one itself."""
-    named = any(re.search(rf"\b{re.escape(words)}\b", prompt, re.IGNORECASE) for words in designs)
-    return "" if named or not designs else designs[seed % len(designs)]
 
 
 def view_words(view_prompts: str, azimuth: float, polar: float) -> str:

@@ -84,11 +84,6 @@ class Job:
                 'prompt is empty: say what to make, for example make run PROMPT="a red armchair"'
             )
 
-    @property
-    def shape_is_free(self) -> bool:
-        """Whether the model chooses the shape: no sketch, mesh or start has one."""
-        return not (self.sketch or self.mesh or self.start)
-
 
 PLAIN = ["PROMPT", "NEGATIVE", "TOKEN", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM", "START", "PROVIDER"]
 """Variables that are taken as they stand."""

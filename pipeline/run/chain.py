@@ -39,7 +39,7 @@ _REFINING = ("unet", "vae_encoder", "vae_encoder_vjp", "vae_decoder")
 TEXT = (
     Stage(
         "embed",
-        ("prompt", "negative", "token", "seed", "shape_is_free", "provider"),
+        ("prompt", "negative", "token", "provider"),
         networks=("text_encoder", "vae_encoder"),
         warm=False,
     ),
@@ -123,5 +123,5 @@ def stages_of(job: Job) -> list[Stage]:
 
 def stage_options(job: Job, name: str) -> dict[str, Any]:
     """Return the part of the job that a stage depends on, as plain JSON values."""
-    values = {**plain(job), "shape_is_free": job.shape_is_free}
+    values = plain(job)
     return {option: values[option] for option in STAGES[name].options}

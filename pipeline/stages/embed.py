@@ -14,7 +14,7 @@ from jaxtyping import Float32
 from pipeline.arrays import pack
 from pipeline.diffusion.bundle import Bundle, open_bundle
 from pipeline.diffusion.onnx_file import read_onnx
-from pipeline.diffusion.prompts import design_words, view_suffixes
+from pipeline.diffusion.prompts import view_suffixes
 from pipeline.diffusion.sessions import Encode, EncodeText, text_encoder, vae_encoder
 from pipeline.diffusion.tokenizer import ClipTokenizer, load_tokenizer, unknown_words
 from pipeline.diffusion.tokens import insert_tokens, readable, token_table
@@ -40,12 +40,9 @@ def prepare_texts(
     tokenizer: ClipTokenizer,
     view_prompts: str,
     known_words: frozenset[str] | None,
-    design: str = "",
 ) -> Texts:
-    """Return the texts of all views, shortened to the model's window with the words for the design and the
-    view kept."""
-    design = f", {design}" if design else ""
-    suffixes = [design + suffix for suffix in view_suffixes(view_prompts)]
+    """Return the texts of all views, shortened to the model's window with the view words kept."""
+    suffixes = view_suffixes(view_prompts)
     warnings = []
     window = f"is longer than the model's window of {tokenizer.length} tokens; cut:"
     prompt, cut = tokenizer.fit(prompt.strip(), suffixes)
@@ -110,12 +107,8 @@ def main(context: Context) -> None:
         table = token_table(context.inputs["text_encoder"], tokenizer)
         (prompt, negative), tokenizer, learned = insert_tokens(tokens, prompt, [negative], tokenizer, table)
         context.metrics["tokens"] = {file.name: len(t.vectors) for file, t in zip(files, tokens, strict=True)}
-    # A shape that is given is none of the model's own.
-    design = design_words(bundle.designs, context.job.seed, prompt) if context.job.shape_is_free else ""
-    texts = prepare_texts(prompt, negative, tokenizer, bundle.view_prompts, bundle.known_words, design)
+    texts = prepare_texts(prompt, negative, tokenizer, bundle.view_prompts, bundle.known_words)
     context.metrics["warnings"] = texts.warnings
-    if design:
-        context.metrics["design"] = design
     with text_encoder(context.inputs["text_encoder"], learned, context.job.provider) as encode_text:
         rows = embed_texts([*texts.views, texts.negative], tokenizer, encode_text)
     arrays = {

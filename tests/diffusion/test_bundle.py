@@ -43,15 +43,15 @@ def test_a_bundle_is_described(bundle: Path) -> None:
     assert (found.latent_scale, found.view_prompts, found.has_vae_encoder) == (SCALE, "eight", True)
     assert found.known_words is not None
     assert "armchair" in found.known_words
-    assert (found.camera, found.views, found.designs) == ((), 1, ())
+    assert (found.camera, found.views) == ((), 1)
 
 
 def test_a_bundle_says_what_its_denoiser_is_told(bundle: Path) -> None:
     description = json.loads((bundle / "bundle.json").read_text())
-    told = {"camera": ["azimuth", "backdrop_told", "backdrop", "backdrop"], "views": 4, "designs": ["a", "b"]}
+    told = {"camera": ["azimuth", "backdrop_told", "backdrop", "backdrop"], "views": 4}
     (bundle / "bundle.json").write_text(json.dumps(description | told))
     found = open_bundle(bundle)
-    assert (found.camera, found.views, found.designs) == (tuple(told["camera"]), 4, ("a", "b"))
+    assert (found.camera, found.views) == (tuple(told["camera"]), 4)
 
 
 def test_the_linear_map_sees_what_the_decoder_sees(bundle: Path) -> None:
@@ -236,8 +236,6 @@ def test_garbage_json_is_named(foreign: Path, name: str, content: str) -> None:
         ("views", "4"),
         ("distillation", [1]),
         ("known_words", "red"),
-        ("designs", ["a", 1]),
-        ("designs", [" "]),
         ("latent_to_rgb", [[1, 2, 3]]),
         ("latent_to_rgb", "x"),
         ("latent_to_rgb_bias", [1, 2, "nan"]),

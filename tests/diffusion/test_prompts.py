@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.diffusion.prompts import (
-    design_words,
     front_opposed,
     view_index,
     view_mix,
@@ -138,11 +137,3 @@ def test_the_front_is_opposed_from_behind() -> None:
     rows, away = front_opposed("paper", azimuth, np.radians([80, 80, 80, 80, 10]))
     assert not rows.any()
     np.testing.assert_allclose(away, [0, 0.5, 1, 0.5, 0], atol=1e-12)
-
-
-def test_the_words_of_a_design_follow_the_seed_unless_the_prompt_has_some() -> None:
-    designs = ["style 0", "style 1", "style 2"]
-    assert [design_words(designs, seed, "a car") for seed in (0, 1, 5)] == ["style 0", "style 1", "style 2"]
-    assert design_words(designs, 0, "a car, Style 2") == ""
-    assert design_words(designs, 0, "a car in a style 20 years old") == "style 0"
-    assert design_words([], 3, "a car") == ""

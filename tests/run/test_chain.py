@@ -27,7 +27,7 @@ def test_every_stage_has_a_file_a_rule_and_a_cost() -> None:
 
 def test_every_option_reaches_a_stage_and_no_stage_asks_for_one_that_is_not_there() -> None:
     fields = {field.name for field in dataclasses.fields(Job)}
-    assert {name for stage in STAGES.values() for name in stage.options} == fields | {"shape_is_free"}
+    assert {name for stage in STAGES.values() for name in stage.options} == fields
 
 
 def test_trainings_name_a_section_of_their_options() -> None:

@@ -1,8 +1,6 @@
 """Stage embed on the tiny bundle: rows, backgrounds, warnings, equal bytes."""
 
 import dataclasses
-import json
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -129,39 +127,6 @@ def test_texts_of_a_model_that_knows_every_word(bundle: Path) -> None:
     texts = prepare_texts(" a zorblax \n", "", tokenizer, "paper", None)
     assert texts.views[0] == "a zorblax, front view"
     assert (len(texts.views), texts.negative, texts.warnings) == (5, "", [])
-
-
-def test_a_design_stands_before_the_view_and_is_never_cut(bundle: Path) -> None:
-    tokenizer = load_tokenizer(bundle / "tokenizer")
-    texts = prepare_texts("a red chair", "", tokenizer, "paper", None, "style 1")
-    assert texts.views[0] == "a red chair, style 1, front view"
-    (warning,) = (long := prepare_texts("chair " * 90, "", tokenizer, "paper", None, "style 1")).warnings
-    assert "longer than the model's window" in warning
-    assert long.views[0].endswith("chair, style 1, front view")
-
-
-@pytest.mark.parametrize(
-    ("job", "expected"),
-    [
-        (Job(prompt="a ball", seed=3), "style 1"),
-        (Job(prompt="a ball, style 0", seed=3), ""),
-        (Job(prompt="a ball", seed=3, mesh="a.obj"), ""),
-        (Job(prompt="a ball", seed=3, sketch="a.obj"), ""),
-    ],
-)
-def test_the_seed_chooses_a_design_of_shapes_that_are_the_models_own(
-    bundle: Path, tmp_path: Path, job: Job, expected: str
-) -> None:
-    folder = shutil.copytree(bundle, tmp_path / "designs")
-    described = json.loads((folder / "bundle.json").read_text())
-    described |= {"designs": ["style 0", "style 1"], "files": {}}
-    (folder / "bundle.json").write_text(json.dumps(described))
-    asked = dataclasses.replace(context(folder, tmp_path / "out", job.prompt), job=job)
-    main(asked)
-    assert asked.metrics.get("design", "") == expected
-    with np.load(tmp_path / "out" / "embeddings.npz") as file:
-        texts = file["view_texts"]
-    assert all(("style 1" in text) == bool(expected) for text in texts)
 
 
 def test_the_border_of_an_encoded_colour_is_left_out() -> None:

@@ -25,11 +25,6 @@ def caption(rng: np.random.Generator, kind: Kind, look: Look) -> str:
     return text
 
 
-def styled(text: str, design: int) -> str:
-    """Return a caption that says which of a kind's shapes is seen."""
-    return f"{text}, style {design}"
-
-
 def seen_from(text: str, azimuth: float, polar: float) -> str:
     """Return a caption with the words for a view [rad]."""
     return f"{text}, {view_words('eight', azimuth, polar)}"
@@ -50,5 +45,5 @@ def known_words() -> list[str]:
     """Return every word that captions are made of, sorted."""
     texts = [w for k in KINDS for w in (*k.words, *(p.format("") for p in k.said.values()))]
     texts += [*COLOURS, *(f"{m.adjective} {m.noun}" for m in MATERIALS.values()), *_OPENINGS]
-    texts += ["front back left right side overhead view a an and with made of style"]
+    texts += ["front back left right side overhead view a an and with made of"]
     return sorted(set(re.findall(r"[^\W\d_]+(?:'[^\W\d_]+)?", " ".join(texts).lower())))

@@ -11,8 +11,9 @@ import numpy as np
 from export.everyday_objects.data.shapes import Part
 
 DESIGNS = 4
-"""Shapes of a kind that are trained on, each told by its number ("style 2"). Of twelve, untold, the model
-knew their mean: its loss was the same on shapes that it had never seen, faces and windows were blurs."""
+"""Shapes of a kind that are trained on, the first of them most (`pictures.FIRST_DESIGN`). Of twelve, equally
+often, the model knew the mean: its loss was the same on shapes that it had never seen, and faces and windows
+were blurs. Telling the design in captions ("style 2") changed nothing in 800 steps."""
 
 
 class Kind(NamedTuple):

@@ -4,8 +4,8 @@
 WORK/pictures/NNNNN.npy, latents (n, VIEWS, 4, 32, 32) float16, and NNNNN.npz with what they show. A shard
 depends on its number and the makers alone; shards that are there are kept, so that several processes can
 share the numbers (`--first`, `--step`), and a training reads what is there. WORK/autoencoder.pt encodes
-(`train.restore` takes it from the bundle). Shards from 90000 on are of held-out shapes: `--folder
-held_out_pictures --first 90000 --shards 2`.
+(`train.restore` takes it from the bundle). Looks and cameras that no training sees have a number that none
+reaches: `--folder held_out_pictures --first 90000 --shards 1`.
 """
 
 import argparse
@@ -34,8 +34,11 @@ OBJECTS = 250
 """Of a shard."""
 VIEWS = 8
 """Of an object, one in each eighth of the turn."""
-HELD_OUT, HELD_OUT_FIRST = 4, 90_000
-"""Shapes of a kind that are kept from training; shards from that number on show them alone."""
+HELD_OUT = 4
+"""Shapes of a kind that are kept from training."""
+FIRST_DESIGN = 0.75
+"""Share of objects in the first shape of their kind, besides its part of the others: a prompt names no shape,
+and what the model imagines should be one, not the mean of several."""
 DISTANCES, FOVS = (2.4, 2.6), (38.0, 41.0)
 """Of the cameras [scene units], [deg]; bundle.json hands them on to the pipeline."""
 POLARS, STEEP_POLARS, STEEP = (40.0, 105.0), (12.0, 40.0), 0.12
@@ -126,7 +129,8 @@ def draw_object(
     """
     number = draw_kind(rng)
     kind = KINDS[number]
-    seed = int(kind.variants + rng.integers(HELD_OUT) if held_out else rng.integers(kind.variants))
+    design = 0 if rng.random() < FIRST_DESIGN else rng.integers(kind.variants)
+    seed = int(kind.variants + rng.integers(HELD_OUT) if held_out else design)
     thing = variant(number, seed)
     look, seen = draw_look(rng, kind, {p.role for p in thing.shape.paints}), draw_views(rng)[:views]
     looks = dress(rng, kind, thing.shape, look)
@@ -140,7 +144,7 @@ def write_shard(folder: Path, number: int, encoder: Encoder) -> None:
     cameras, backdrops = np.empty((OBJECTS, VIEWS, 4), np.float32), np.empty((OBJECTS, VIEWS, 4), np.float32)
     rows = []
     for i in range(OBJECTS):
-        row, views, pictures = draw_object(np.random.default_rng([number, i]), number >= HELD_OUT_FIRST)
+        row, views, pictures = draw_object(np.random.default_rng([number, i]))
         rows.append(row)
         latents[i] = encode(encoder, pictures)
         cameras[i] = [v[:4] for v in views]

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from export.everyday_objects.data.captions import caption, seen_from, styled
+from export.everyday_objects.data.captions import caption, seen_from
 from export.everyday_objects.data.kinds import BY_WORD
 from export.everyday_objects.data.pictures import look_of
 from export.everyday_objects.networks.denoiser import CAMERA
@@ -16,14 +16,9 @@ VIEWS = 4
 """Of an object in a step, a quarter of a turn apart."""
 OBJECTS = 32
 """Of a step."""
-TEXT_DROPOUT, CAMERA_DROPOUT, BACKDROP_DROPOUT, VIEW_WORDS, APART, STYLED = 0.1, 0.1, 0.1, 0.5, 0.1, 0.75
+TEXT_DROPOUT, CAMERA_DROPOUT, BACKDROP_DROPOUT, VIEW_WORDS, APART = 0.1, 0.1, 0.1, 0.5, 0.1
 """Shares of objects without text, without camera, without backdrop; of those with view words beside a camera
-(all have them without one); of steps in which views do not see each other; of captions with the design."""
-
-
-OTHER_DESIGNS = 0.08
-"""How often an object of another design than the first is taken when it is drawn: the first makes four fifths
-of a training, so that a prompt which names no design has one shape, and not the mean of several."""
+(all have them without one); of steps in which views do not see each other."""
 
 
 class Objects(NamedTuple):
@@ -98,16 +93,6 @@ def draw_timesteps(rng: np.random.Generator, count: int) -> np.ndarray:
     return np.interp(strata, [0, 0.1, 0.5, 1], np.array([0, 0.2, 0.7, 1]) * TIMESTEPS).astype(np.int64)
 
 
-def draw_object(objects: Objects, ends: np.ndarray, rng: np.random.Generator) -> tuple[int, int]:
-    """Draw an object: its shard and its row there. `ends` (shards,): objects up to the end of each shard."""
-    while True:
-        drawn = rng.integers(ends[-1])
-        shard = int(np.searchsorted(ends, drawn, side="right"))
-        row = int(drawn - ends[shard] + len(objects.rows[shard]))
-        if objects.rows[shard][row][1] == 0 or rng.random() < OTHER_DESIGNS:
-            return shard, row
-
-
 def draw_batch(objects: Objects, step: int, count: int = OBJECTS) -> Batch:
     """Draw `count` objects, four views each, with captions and noise; everything follows from the step."""
     rng = np.random.default_rng([11, step])
@@ -117,14 +102,15 @@ def draw_batch(objects: Objects, step: int, count: int = OBJECTS) -> Batch:
     )
     ends = np.cumsum([len(rows) for rows in objects.rows])
     for i in range(count):
-        shard, row = draw_object(objects, ends, rng)
+        drawn = rng.integers(ends[-1])
+        shard = int(np.searchsorted(ends, drawn, side="right"))
+        row = int(drawn - ends[shard] + len(objects.rows[shard]))
         views = np.arange(rng.integers(2), 2 * VIEWS, 2)
         clean.append(np.asarray(objects.latents[shard][row, views], np.float32))
         cameras.append(objects.cameras[shard][row, views])
         backdrops.append(objects.backdrops[shard][row, views])
-        word, design, *look = objects.rows[shard][row]
+        word, _, *look = objects.rows[shard][row]
         text = "" if no_text[i] else caption(rng, BY_WORD[word], look_of(look))
-        text = styled(text, design) if text and rng.random() < STYLED else text
         said = text and (not told[i] or rng.random() < VIEW_WORDS)
         texts += [seen_from(text, float(c[0]), float(c[1])) if said else text for c in cameras[-1]]
     timesteps = np.repeat(draw_timesteps(rng, count), VIEWS)

@@ -18,7 +18,6 @@ from torch import Tensor, nn
 from export.bundle_files import write_bundle_json, write_configs
 from export.encoder_vjp import export_encoder_vjp
 from export.everyday_objects.data.captions import known_words
-from export.everyday_objects.data.kind import DESIGNS
 from export.everyday_objects.data.kinds import KINDS
 from export.everyday_objects.data.pictures import DISTANCES, FOVS, IMAGE_SIZE, POLARS, draw_object
 from export.everyday_objects.data.shapes import RADIUS
@@ -248,7 +247,6 @@ def export_bundle(work: Path, folder: Path) -> None:
             "distillation": DISTILLATION,
             "painting": PAINTING,
             "known_words": known_words(),
-            "designs": [f"style {number}" for number in range(DESIGNS)],
             "nouns": [k.words[0] for k in KINDS],
             "latent_to_rgb": [[round(float(v), 6) for v in row] for row in matrix],
             "latent_to_rgb_bias": [round(float(v), 6) for v in bias],

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from export.everyday_objects.data.captions import caption, seen_from, styled
+from export.everyday_objects.data.captions import caption, seen_from
 from export.everyday_objects.data.kinds import BY_WORD
 from export.everyday_objects.data.pictures import look_of
 from export.everyday_objects.train.batches import VIEWS, Batch, Objects, camera_rows, draw_batch
@@ -16,19 +16,18 @@ FIGURES_AT = (300, 500, 700, 850, 950)
 
 def held_out_figures(model: Model, objects: Objects, abar: Tensor) -> dict[str, list[float]]:
     """Return the loss at FIGURES_AT on held-out objects: told everything; a wrong or no camera, backdrop,
-    text, no design; and with every view alone."""
+    text; and with every view alone."""
     count = min(sum(map(len, objects.rows)), 64)
     base = draw_batch(objects, 0, count)
     rng = np.random.default_rng(0)
-    whole, texts, bare = [], list[str](), list[str]()
+    whole, texts = [], list[str]()
     for i in range(count):  # the same draws as draw_batch would make, with nothing left out
         shard, row = divmod(i * 7 % sum(map(len, objects.rows)), len(objects.rows[0]))
         views = np.arange(0, 2 * VIEWS, 2)
-        word, design, *look = objects.rows[shard][row]
+        word, _, *look = objects.rows[shard][row]
         text = caption(rng, BY_WORD[word], look_of(look))
         cameras = objects.cameras[shard][row, views]
-        for what, to in ((styled(text, design), texts), (text, bare)):
-            to += [seen_from(what, float(c[0]), float(c[1])) for c in cameras]
+        texts += [seen_from(text, float(c[0]), float(c[1])) for c in cameras]
         whole.append((np.asarray(objects.latents[shard][row, views], np.float32), cameras,
                       objects.backdrops[shard][row, views]))  # fmt: skip
     clean, cameras, backdrops = (np.concatenate(part) for part in zip(*whole, strict=True))
@@ -42,7 +41,6 @@ def held_out_figures(model: Model, objects: Objects, abar: Tensor) -> dict[str, 
         "no camera": (texts, camera_rows(cameras, backdrops, no, yes), VIEWS),
         "no backdrop": (texts, camera_rows(cameras, backdrops, yes, no), VIEWS),
         "wrong text": (other, right, VIEWS),
-        "no style": (bare, right, VIEWS),
         "no text": ([""] * len(texts), right, VIEWS),
         "views apart": (texts, right, 1),
     }
