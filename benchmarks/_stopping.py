@@ -13,7 +13,7 @@ from pipeline.options.job import Job
 LONG, LONGEST = "500", "1000"
 """Steps of `high` for longer. The qualities' own runs are too short to save a step (`convergence`)."""
 LONGEST_ON = "ball"
-"""The scene of the longest run: that which was cut off too early when runs at rest were not yet cooled."""
+"""The scene of the longest run: that which was cut off too early when converged runs were not yet cooled."""
 
 
 class Stopping(NamedTuple):
@@ -106,7 +106,7 @@ def worst(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
 
 def early_ends(rows: Sequence[dict[str, Any]]) -> str:
     """Return the comparison in Markdown, a run a line."""
-    heads = ("ending at rest", "steps", *(f"{name}: error / final error" for name in RATIOS.values()))
+    heads = ("ending converged", "steps", *(f"{name}: error / final error" for name in RATIOS.values()))
     lines = [
         (f"{row['scene']}, {row['of']} steps", row["steps"], *(row[key] for key in RATIOS)) for row in rows
     ]

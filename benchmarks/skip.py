@@ -108,7 +108,7 @@ def _two(seen: Any) -> tuple[torch.Tensor, torch.Tensor]:
 
 
 def after_convergence(scene: str, both: Pair) -> Row:
-    """Return what ending at rest saves a run; the trials are those of `oracle`."""
+    """Return what ending a converged run saves; the trials are those of `oracle`."""
     stopped, full = both.stopped[-1], both.whole[-1]
     called = f"{scene}, {full['steps']} steps"
     return Row(f"iterations after convergence: {called}", "train_nerf.convergence", "on",

@@ -52,7 +52,7 @@ def test_errors_are_compared_with_the_final_ones(boxes: Truth) -> None:
 
 
 def test_a_run_that_ends_early_is_run_to_its_last_step_as_well(boxes: Truth, tmp_path: Path) -> None:
-    early = run_of(boxes, 250, 10.0)  # every drift but an infinite one is below: at rest when first asked
+    early = run_of(boxes, 250, 10.0)  # every drift but an infinite one is below: converged when first asked
     late = run_of(boxes, 4, 10.0)
     assert early.whole(8).name == "250, to the end"
     assert early.whole(8).job.train_nerf.convergence == 0
