@@ -115,6 +115,7 @@ def test_the_benchmark_runs_resumes_and_is_summarised(boxes: Truth, tmp_path: Pa
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
+@pytest.mark.thorough
 def test_a_process_of_one_thread_finds_the_same(boxes: Truth, tmp_path: Path) -> None:
     fill([Trial("4", "boxes", small(4), 0, 8)], tmp_path / "other")
     (stored,) = (tmp_path / "other").iterdir()

@@ -51,6 +51,7 @@ def test_errors_are_compared_with_the_final_ones(boxes: Truth) -> None:
     assert "| boxes, 100 steps | 60 | 1.012 | 1.1 | 0.8 |" in early_ends([early, late])
 
 
+@pytest.mark.thorough
 def test_a_run_that_ends_early_is_run_to_its_last_step_as_well(boxes: Truth, tmp_path: Path) -> None:
     early = run_of(boxes, 250, 10.0)  # every drift but an infinite one is below: converged when first asked
     late = run_of(boxes, 4, 10.0)

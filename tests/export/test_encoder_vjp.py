@@ -78,7 +78,7 @@ def picture(seed: int) -> Tensor:
     return torch.rand(1, 3, SIZE, SIZE, generator=torch.Generator().manual_seed(seed)) * 2 - 1
 
 
-@pytest.mark.parametrize("kind", [Mean, Full, Tiny, Repeating])
+@pytest.mark.parametrize("kind", [Mean, pytest.param(Full, marks=pytest.mark.thorough), Tiny, Repeating])
 def test_it_equals_autograd_through_the_runtime(kind: type[nn.Module], tmp_path: Path) -> None:
     torch.manual_seed(0)
     encoder = kind().eval()

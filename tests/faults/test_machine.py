@@ -47,7 +47,9 @@ def test_a_limit_of_memory_is_named(door: Door, megabytes: int, tmp_path: Path) 
     assert f"ulimit -v allows {megabytes} MB" in error
 
 
-@pytest.mark.parametrize("kilobytes", [1, 30, 300])
+@pytest.mark.parametrize(
+    "kilobytes", [30, *(pytest.param(size, marks=pytest.mark.thorough) for size in (1, 300))]
+)
 def test_a_file_that_may_not_grow(door: Door, kilobytes: int, tmp_path: Path) -> None:
     """The limit on a file's size stands for a full disk, at whatever stage first meets it."""
 
@@ -65,7 +67,7 @@ def test_a_file_that_may_not_grow(door: Door, kilobytes: int, tmp_path: Path) ->
         assert door.ask("run", OUT=str(tmp_path)).status == 0, "goes on once there is room"
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGTERM, marks=pytest.mark.thorough), signal.SIGHUP])
 def test_a_terminal_that_goes_away(door: Door, number: signal.Signals, tmp_path: Path) -> None:
     def default() -> None:
         signal.signal(number, signal.SIG_DFL)

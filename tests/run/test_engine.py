@@ -163,7 +163,7 @@ def test_damaged_files_are_noticed_and_made_again(project: Project, damage: str)
     assert project.make("verify", RUN="runs/latest").returncode == 0
 
 
-@pytest.mark.parametrize("content", [None, "prompt: another\n"])
+@pytest.mark.parametrize("content", [pytest.param(None, marks=pytest.mark.thorough), "prompt: another\n"])
 def test_a_damaged_job_file_is_mended(project: Project, content: str | None) -> None:
     file = project.latest / "job.yaml"
     before = file.read_bytes()
