@@ -103,8 +103,7 @@ clean-venv:
 		{ echo "error: $(PYTHON) is not Python 3.11 or newer: say PYTHON=python3.11" >&2; exit 2; }
 	@echo "installing into .venv (first use: a few minutes)" >&2
 	@test -x $(IN_VENV) || $(PYTHON) -m venv .venv
-	@# Python compiles what is imported, when it is.
-	@$(IN_VENV) -m pip install --quiet --no-compile --editable . >&2
+	@$(IN_VENV) -m pip install --quiet --editable . >&2
 	@printf '%s\n' "$$CLONE" >$@
 
 .venv/.serve: .venv/.runtime pyproject.toml
@@ -112,7 +111,7 @@ clean-venv:
 	@touch $@
 
 .venv/.dev: .venv/.runtime pyproject.toml
-	@# As above: most of it is never imported.
+	@# Most of it is never imported: Python compiles what is, when it is.
 	@$(IN_VENV) -m pip install --quiet --no-compile --editable '.[dev,export,serve]' >&2
 	@# For its file of CLIP's merges alone: its torchvision does not load beside the CPU build of torch.
 	@$(IN_VENV) -m pip install --quiet --no-deps 'open_clip_torch>=3.3,<4' >&2
