@@ -1,4 +1,4 @@
-"""Trials that end early once their scene has come to rest, each beside the same trial to its last step."""
+"""Trials that end early once their scene has converged, each beside the same trial to its last step."""
 
 import dataclasses
 from collections.abc import Sequence

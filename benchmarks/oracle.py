@@ -11,7 +11,7 @@ takes 5000 steps of one view, on the `PLAIN` scenes. `calls_for_paper_error` is 
 among those measured with the defaults, after which a scene is as good as at the end of the plain run: the
 worst of these scenes; None if one never is. What each choice behind the defaults is worth: `oracle_choices`.
 
-`convergence` compares runs that end once the scene has come to rest with the same runs to their last step:
+`convergence` compares runs that end once the scene has converged with the same runs to their last step:
 the share of steps saved, and the errors of the worst scene as a multiple of its final ones.
 
 Results are kept under runs/bench/oracle, by options and source: a second call only does what is missing.

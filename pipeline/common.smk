@@ -19,8 +19,9 @@ folder = unquote(config["bundle"])
 
 def bundle(*names):
     """Return the files and folders of the bundle that a stage reads, and its description if there is one."""
-    described = ["bundle.json"] if os.path.exists(os.path.join(folder, "bundle.json")) else []
-    return {name.replace("bundle.json", "description"): os.path.join(folder, name) for name in (*described, *names)}
+    found = {name: os.path.join(folder, name) for name in names}
+    description = os.path.join(folder, "bundle.json")
+    return {"description": description, **found} if os.path.exists(description) else found
 
 
 optional = [name for name in ("vae_encoder", "vae_encoder_vjp") if os.path.isdir(os.path.join(folder, name))]
@@ -42,10 +43,10 @@ def start_files():
 def given_files(name, pictures=False):
     """Return a file of the user, and the buffers (and pictures) of a .gltf."""
     path = unquote(config[name])
-    files = {name: path} | {f"buffer{i}": buffer for i, buffer in enumerate(buffer_files(Path(path)))}
+    found = {name: path} | {f"buffer{i}": buffer for i, buffer in enumerate(buffer_files(Path(path)))}
     if pictures:
-        files |= {f"image{i}": image for i, image in enumerate(image_files(Path(path)))}
-    return files
+        found |= {f"image{i}": image for i, image in enumerate(image_files(Path(path)))}
+    return found
 
 
 def files(*outside):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from export.everyday_objects.data.kind import DESIGNS
 from export.everyday_objects.train import train_denoiser
 from export.everyday_objects.train.batches import (
     TIMESTEPS,
@@ -15,6 +16,7 @@ from export.everyday_objects.train.batches import (
     draw_batch,
     draw_timesteps,
     load_objects,
+    locate,
     shard_numbers,
 )
 from export.everyday_objects.train.muon import Muon, orthogonal
@@ -66,6 +68,24 @@ def test_a_batch_shows_four_sides_of_each_object_at_one_noise_level(tmp_path):
     again = draw_batch(objects, 39, 8)
     np.testing.assert_array_equal(again.noise, batch.noise)
     assert again.texts == batch.texts
+
+
+def test_designs_that_are_not_trained_on_are_left_out_and_others_keep_their_pictures(tmp_path):
+    write_pictures(tmp_path, 0)
+    with np.load(tmp_path / "00000.npz") as said:
+        rows, cameras, backdrops = json.loads(str(said["rows"])), said["cameras"], said["backdrops"]
+    whole = load_objects(tmp_path, ["00000"])
+    rows[0][1] = DESIGNS
+    np.savez(tmp_path / "00000.npz", cameras=cameras, backdrops=backdrops, rows=np.array(json.dumps(rows)))
+    left = load_objects(tmp_path, ["00000"])
+    assert left.rows[0] == rows[1:]
+    for name in ("latents", "cameras", "backdrops"):
+        np.testing.assert_array_equal(getattr(left, name)[0], getattr(whole, name)[0][1:])
+
+
+def test_objects_are_found_by_number_in_shards_of_any_size():
+    places = [locate(np.cumsum([2, 0, 3]), number) for number in range(5)]
+    assert places == [(0, 0), (0, 1), (2, 0), (2, 1), (2, 2)]
 
 
 def test_camera_rows_tell_what_they_are_to():

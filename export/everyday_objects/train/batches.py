@@ -73,6 +73,12 @@ def load_objects(folder: Path, numbers: list[str], known: Objects | None = None)
     return found
 
 
+def locate(ends: np.ndarray, number: int) -> tuple[int, int]:
+    """Return shard and row of an object by its number. `ends` (shards,): objects up to the end of each."""
+    shard = int(np.searchsorted(ends, number, side="right"))
+    return shard, number - (int(ends[shard - 1]) if shard else 0)
+
+
 def camera_rows(
     cameras: np.ndarray, backdrops: np.ndarray, told: np.ndarray, behind: np.ndarray
 ) -> np.ndarray:
@@ -102,9 +108,7 @@ def draw_batch(objects: Objects, step: int, count: int = OBJECTS) -> Batch:
     )
     ends = np.cumsum([len(rows) for rows in objects.rows])
     for i in range(count):
-        drawn = rng.integers(ends[-1])
-        shard = int(np.searchsorted(ends, drawn, side="right"))
-        row = int(drawn - ends[shard] + len(objects.rows[shard]))
+        shard, row = locate(ends, int(rng.integers(ends[-1])))
         views = np.arange(rng.integers(2), 2 * VIEWS, 2)
         clean.append(np.asarray(objects.latents[shard][row, views], np.float32))
         cameras.append(objects.cameras[shard][row, views])

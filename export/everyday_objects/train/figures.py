@@ -7,7 +7,7 @@ from torch import Tensor
 from export.everyday_objects.data.captions import caption, seen_from
 from export.everyday_objects.data.kinds import BY_WORD
 from export.everyday_objects.data.pictures import look_of
-from export.everyday_objects.train.batches import VIEWS, Batch, Objects, camera_rows, draw_batch
+from export.everyday_objects.train.batches import VIEWS, Batch, Objects, camera_rows, draw_batch, locate
 from export.everyday_objects.train.loss import Model, loss_of
 
 FIGURES_AT = (300, 500, 700, 850, 950)
@@ -17,12 +17,13 @@ FIGURES_AT = (300, 500, 700, 850, 950)
 def held_out_figures(model: Model, objects: Objects, abar: Tensor) -> dict[str, list[float]]:
     """Return the loss at FIGURES_AT on held-out objects: told everything; a wrong or no camera, backdrop,
     text; and with every view alone."""
-    count = min(sum(map(len, objects.rows)), 64)
+    ends = np.cumsum([len(rows) for rows in objects.rows])
+    count = min(int(ends[-1]), 64)
     base = draw_batch(objects, 0, count)
     rng = np.random.default_rng(0)
     whole, texts = [], list[str]()
     for i in range(count):  # the same draws as draw_batch would make, with nothing left out
-        shard, row = divmod(i * 7 % sum(map(len, objects.rows)), len(objects.rows[0]))
+        shard, row = locate(ends, i * 7 % int(ends[-1]))
         views = np.arange(0, 2 * VIEWS, 2)
         word, _, *look = objects.rows[shard][row]
         text = caption(rng, BY_WORD[word], look_of(look))
