@@ -12,6 +12,10 @@ Guided noise is e_u + s (e_c - e_u), c with the text and u without.
 - ism: guided(x_t) - e_u(x_s), both by DDIM inversion without a text. Liang et al. 2024 (LucidDreamer).
 - sdi: guided(x_t) - k, k the noise that DDIM inversion with the text finds in z. Lukoianov et al. 2024.
 - multistep: z - what steps of DDIM from x_t make, at weight 1; as in DreamFlow and MicroDreamer.
+- sds_within: sds, guided at middling noise levels alone. Kynkaanniemi et al. 2024 (Applying Guidance in a
+  Limited Interval).
+- perp_neg: sds with e_u + s (d - v p), d = e_c - e_u and p what of e_opposed - e_u is perpendicular to d,
+  e_opposed with the text of another side and v its weight for the view. Armandpour et al. 2023, equation 8.
 
 VSD (ProlificDreamer) and others that train the prior beside the scene are left out.
 
@@ -26,6 +30,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from benchmarks._mixtures import Query
+from pipeline.diffusion.distillation import perpendicular
 from pipeline.diffusion.schedule import Schedule
 
 Latents = Float[np.ndarray, "b 4 h w"]
@@ -45,6 +50,10 @@ class Step(NamedTuple):
     signal_power: float = 0.0
     negative: Callable[[Latents, Int[np.ndarray, " b"]], Latents] | None = None
     """The noise that a bad picture would leave in noisy latents (NFSD's negative text)."""
+    opposed: Callable[[Latents, Int[np.ndarray, " b"]], Latents] | None = None
+    """The noise in noisy latents by a text that the views are not to fit (Perp-Neg)."""
+    away: Float[np.ndarray, " b"] | None = None
+    """The weight of that text for each view."""
 
 
 Gradient = Callable[[Query, Schedule, Step], Latents]
@@ -130,6 +139,31 @@ def ism(query: Query, schedule: Schedule, step: Step) -> Latents:
     return weighted(schedule, step, difference)
 
 
+def sds_within(low: float, high: float) -> Gradient:
+    """Return score distillation that is guided between these shares of the schedule alone."""
+
+    def gradient(query: Query, schedule: Schedule, step: Step) -> Latents:
+        noisy = add_noise(schedule, step.latents, step.noise, step.timesteps)
+        told, without = (query(noisy, step.timesteps, with_text) for with_text in (True, False))
+        level = (step.timesteps / len(schedule.alphas_cumprod)).reshape(-1, 1, 1, 1)
+        more = np.where((level >= low) & (level <= high), step.guidance_scale - 1, 0.0)
+        return weighted(schedule, step, told + more * (told - without) - step.noise)
+
+    return gradient
+
+
+def perp_neg(query: Query, schedule: Schedule, step: Step) -> Latents:
+    """Score distillation that turns away from the text of another side."""
+    assert step.opposed is not None
+    assert step.away is not None
+    noisy = add_noise(schedule, step.latents, step.noise, step.timesteps)
+    told, without = (query(noisy, step.timesteps, with_text) for with_text in (True, False))
+    direction = told - without
+    apart = perpendicular(step.opposed(noisy, step.timesteps) - without, direction)
+    direction = direction - step.away.reshape(-1, 1, 1, 1) * apart
+    return weighted(schedule, step, without + step.guidance_scale * direction - step.noise)
+
+
 def sdi(steps: int = 10) -> Gradient:
     """Return score distillation via inversion by so many steps."""
 
@@ -164,4 +198,6 @@ METHODS: dict[str, Gradient] = {
     "ism": ism,
     "sdi": sdi(),
     "4 steps": multistep(4),
+    "perp-neg": perp_neg,
+    "interval": sds_within(0.2, 0.8),
 }

@@ -39,15 +39,23 @@ class Believed(NamedTuple):
     pictures: Float[np.ndarray, "b k 4 h w"]
     told: Int[np.ndarray, " n"]
     """The scenes that a text leaves; without a text all of them may be it."""
+    likely: Float[np.ndarray, "b n"] | None = None
+    """How likely the text makes each of these in every view; None: all are equally."""
 
 
-def believed(told: Sequence[Draw], others: Sequence[Draw], batch: Batch, size: int) -> Believed:
-    """Return the pictures of scenes that a text leaves, and of others, in the views of a step."""
+def believed(
+    told: Sequence[Draw],
+    others: Sequence[Draw],
+    batch: Batch,
+    size: int,
+    likely: Float[np.ndarray, "b n"] | None = None,
+) -> Believed:
+    """Return the pictures of scenes that a text leaves, `likely` or not, and of others, in a step's views."""
     assert batch.backgrounds is not None
     views = list(zip(batch.cameras, batch.backgrounds, strict=True))
     scenes = [*told, *others]
     pictures = np.stack([np.stack([draw(camera, size, flat) for draw in scenes]) for camera, flat in views])
-    return Believed(pictures.astype(np.float64), np.arange(len(told)))
+    return Believed(pictures.astype(np.float64), np.arange(len(told)), likely)
 
 
 def weights(
@@ -56,12 +64,16 @@ def weights(
     factors: tuple[Float[np.ndarray, "b 1 1 1"], Float[np.ndarray, "b 1 1 1"]],
     spread: float,
     together: bool,
+    likely: Float[np.ndarray, "b k"] | None = None,
 ) -> Float[np.ndarray, "b k"]:
-    """Return how likely each scene is by what every view, or all of them together, shows; rows sum to 1."""
+    """Return how likely each scene is by what every view, or all of them together, shows; rows sum to 1.
+    `likely`: before anything is seen; None: all are equally."""
     signal, sigma = (np.asarray(factor, np.float64) for factor in factors)
     variance = (signal**2 * spread**2 + sigma**2).reshape(-1, 1)
     apart = np.square(noisy[:, None] - signal[:, None] * pictures).sum((2, 3, 4))
     logarithm = -apart / (2 * variance)
+    if likely is not None:
+        logarithm = logarithm + np.log(np.maximum(likely, 1e-300))
     if together:
         logarithm = np.broadcast_to(logarithm.sum(0), logarithm.shape)
     likely = np.exp(logarithm - logarithm.max(1, keepdims=True))
@@ -99,7 +111,8 @@ def query_of(
     ) -> Float[np.ndarray, "b 4 h w"]:
         pictures = seen.pictures[:, seen.told] if told else seen.pictures
         factors = schedule.factors(timesteps)
-        share = weights(noisy, pictures, factors, spread, together)
+        likely = seen.likely if told else None
+        share = weights(noisy, pictures, factors, spread, together, likely)
         if few_steps:
             share = (np.arange(share.shape[1]) == share.argmax(1)[:, None]).astype(np.float64)
         clean = clean_mean(noisy, pictures, factors, share, spread)

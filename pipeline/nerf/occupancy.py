@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 
 CELLS = 64
 REFRESH_EVERY = 16
-"""Training steps between refreshes."""
+"""Updates of the field between refreshes."""
 _DECAY = 0.7
 """Fading a refresh. The paper's code takes .95 over 5000 steps; runs of some hundred need emptied
 cells sooner, and the margin of one cell covers what a single sample can miss."""
@@ -35,6 +35,15 @@ class Occupancy(NamedTuple):
 def everywhere(cells: int = CELLS) -> Occupancy:
     """Return the grid that skips nothing."""
     return Occupancy(np.zeros((cells,) * 3, np.float32), np.ones((cells,) * 3, np.bool_))
+
+
+def due(step: int, updates: int) -> bool:
+    """Return whether the grid is refreshed before a step; `updates`: of the field in every step.
+
+    What was emptied is known by updates, not by steps: of an ideal ball (100 calls of 4 updates) the normals
+    are 5.8 degrees off when cells are looked at every 4 steps, 11.7 when every 16.
+    """
+    return step == 0 or step * updates // REFRESH_EVERY > (step - 1) * updates // REFRESH_EVERY
 
 
 def refresh(

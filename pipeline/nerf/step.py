@@ -152,7 +152,7 @@ def training_step(
     progress, rate = pace(step, options.steps, state.converged_at)
     rate *= rate_share(cooling, progress)
     scene.field.sharpening = options.density_sharpening ** max(0.0, 2 * progress - 1)
-    if step % occupancy.REFRESH_EVERY == 0:
+    if occupancy.due(step, options.updates_per_call):
         refresh_occupancy(state, sketch)
     if draw is None:
         batch = draw_batch(options, progress, noise_size or resolution, scene, state.rng)

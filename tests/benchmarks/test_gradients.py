@@ -17,8 +17,10 @@ from benchmarks._gradients import (
     ism,
     multistep,
     nfsd,
+    perp_neg,
     sdi,
     sds,
+    sds_within,
     weighted,
 )
 from benchmarks._ideal import Calls, ideal_guidance, linear_schedule
@@ -177,6 +179,50 @@ def test_inversion_comes_back() -> None:
     for now, then in itertools.pairwise(path):
         noisy = ddim(SCHEDULE, noisy, asked(noisy, now, True), now, then)
     np.testing.assert_allclose(noisy, likely, atol=0.05)
+
+
+def test_guidance_within_an_interval_is_none_outside() -> None:
+    asked = query()
+    narrow = sds_within(0.4, 0.6)(asked, SCHEDULE, step_at())
+    alone, guided_there = (sds(asked, SCHEDULE, step_at(scale=scale)) for scale in (1.0, 7.5))
+    for row, expected in enumerate((alone, guided_there, alone)):
+        np.testing.assert_allclose(narrow[row], expected[row], atol=1e-10)
+
+
+def test_perp_neg_is_its_formula_and_leaves_alone_what_does_not_oppose() -> None:
+    asked, against = query(), query((2,))
+    away = np.array([0.0, 0.5, 1.0])
+    step = step_at(opposed=lambda noisy, timesteps: against(noisy, timesteps, True), away=away)
+    signal, sigma = (np.asarray(f, np.float64) for f in SCHEDULE.factors(TIMESTEPS))
+    noisy = signal * LATENTS + sigma * NOISE
+    told, without, other = (
+        asked(noisy, TIMESTEPS, True),
+        asked(noisy, TIMESTEPS, False),
+        against(noisy, TIMESTEPS, True),
+    )
+    found = perp_neg(asked, SCHEDULE, step)
+    for b in range(VIEWS):
+        d, n = told[b] - without[b], other[b] - without[b]
+        across = n - (n * d).sum() / (d * d).sum() * d
+        assert abs((across * d).sum()) < 1e-9
+        expected = sigma[b] ** 2 * (without[b] + 7.5 * (d - away[b] * across) - NOISE[b])
+        np.testing.assert_allclose(found[b], expected, atol=1e-10)
+    same = step_at(opposed=lambda noisy, timesteps: asked(noisy, timesteps, True), away=away)
+    np.testing.assert_allclose(perp_neg(asked, SCHEDULE, same), sds(asked, SCHEDULE, step_at()), atol=1e-9)
+
+
+def test_what_a_text_makes_likely_weighs_as_much_as_what_is_seen() -> None:
+    likely = np.array([[0.9, 0.1], [0.5, 0.5], [1.0, 0.0]])
+    factors = SCHEDULE.factors(TIMESTEPS)
+    noisy = add_noise(SCHEDULE, LATENTS, NOISE, TIMESTEPS)
+    plain = weights(noisy, PICTURES[:, :2], factors, SPREAD, together=False)
+    found = weights(noisy, PICTURES[:, :2], factors, SPREAD, together=False, likely=likely)
+    expected = plain * likely
+    np.testing.assert_allclose(found, expected / expected.sum(1, keepdims=True), atol=1e-12)
+    told = query_of(Believed(PICTURES, np.array([0, 1]), likely), SCHEDULE, spread=SPREAD)
+    certain = query_of(Believed(PICTURES, np.array([0])), SCHEDULE, spread=SPREAD)
+    one, other = (q(noisy, TIMESTEPS, True) for q in (told, certain))
+    np.testing.assert_allclose(one[2], other[2], atol=1e-10)
 
 
 def test_nfsd_needs_to_know_what_is_bad() -> None:

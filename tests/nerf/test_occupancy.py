@@ -27,6 +27,15 @@ def cell_of(points: np.ndarray, cells: int) -> tuple[np.ndarray, ...]:
     return tuple(np.minimum(((points + 1) / 2 * cells).astype(int), cells - 1).T)
 
 
+@pytest.mark.parametrize("updates", [1, 2, 3, 6, 16, 40])
+def test_it_is_due_by_updates_of_the_field(updates: int) -> None:
+    due = [step for step in range(200) if occupancy.due(step, updates)]
+    assert due[0] == 0
+    since = np.diff(due) * updates
+    assert since.mean() == pytest.approx(max(occupancy.REFRESH_EVERY, updates), rel=0.05)
+    assert (since < occupancy.REFRESH_EVERY + updates).all()
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_dense_places_are_never_dropped(seed: int) -> None:
     rng = np.random.default_rng(seed)
