@@ -46,7 +46,6 @@ WAYS: dict[str, Way] = {
     "DreamTime": Way(draw="dream time"),
     "fixed noise": Way(draw="fixed noise"),
     "fixed cameras": Way(draw="fixed cameras"),
-    "fixed both": Way(draw="fixed both"),
     "replay": Way(draw="replay"),
     "csd": Way("csd", alone=0),
     "nfsd": Way("nfsd", alone=0),
@@ -105,13 +104,12 @@ class Draws:
         known = self.sets[step % CAMERA_SETS]
         if self.kind == "fixed noise":
             return batch._replace(noise=self.sets[0].noise)
-        seen = batch._replace(
+        return batch._replace(
             cameras=known.cameras,
             azimuths=known.azimuths,
             polars=known.polars,
             backgrounds=known.backgrounds,
         )
-        return seen._replace(noise=known.noise) if self.kind == "fixed both" else seen
 
     def _with_earlier(self, batch: Batch) -> Batch:
         """Return the views of a step and as many of earlier ones behind them."""

@@ -90,7 +90,7 @@ def test_an_exact_scene_is_learned() -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("way", ["replay", "fixed both", "DreamTime"])
+@pytest.mark.parametrize("way", ["replay", "fixed cameras", "DreamTime"])
 def test_other_schedules_learn_too(way: str) -> None:
     row = learn(Setting(way, "exact", "ball", 16, resolution=8), **SMALL)
     assert (row["calls"], row["views"]) == (16, 64)
