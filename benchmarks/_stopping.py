@@ -12,6 +12,8 @@ from pipeline.options.job import Job
 
 LONG, LONGEST = "500", "1000"
 """Steps of `high` for longer. The qualities' own runs are too short to save a step (`convergence`)."""
+UPDATES = 2
+"""A call: at as many as the qualities take, a long run is a slow one."""
 LONGEST_ON = "ball"
 """The scene of the longest run: that which was cut off too early when converged runs were not yet cooled."""
 
@@ -43,7 +45,7 @@ class Pair(NamedTuple):
 
 def long_jobs() -> dict[str, Job]:
     """Return the jobs whose convergence is compared with their last step, by name."""
-    return {steps: job_of("high", steps=int(steps)) for steps in (LONG, LONGEST)}
+    return {steps: job_of("high", steps=int(steps), updates_per_call=UPDATES) for steps in (LONG, LONGEST)}
 
 
 def long_runs(truths: Sequence[Truth]) -> list[Stopping]:

@@ -12,7 +12,7 @@ from pipeline.options.schema import check, option
 class TrainNerf(Distillation):
     """Latent-NeRF: score distillation of a radiance field in latent space."""
 
-    steps: int = option(200, "steps: calls of the denoiser", 1, 100_000)
+    steps: int = option(100, "steps: calls of the denoiser", 1, 100_000)
     samples_per_ray: int = option(64, "samples along a ray through the whole box", 8, 1024)
     learning_rate: float = option(1e-3, "Adam's rate for the small network", 1e-7, 1)
     grid_learning_rate: float = option(1e-2, "Adam's rate for the hash grid", 1e-7, 1)
@@ -45,8 +45,9 @@ class TrainNerf(Distillation):
     grid_levels: int = option(16, "levels of the hash grid", 1, 24)
     grid_finest: int = option(512, "cells along a side of the box at the finest level", 16, 8192)
     grid_table_log2: int = option(16, "log2 of the most table entries of a level", 8, 22)
+    # What counts is updates: 100 calls of 4 are as good as 200 of 2 (`make bench ONLY=distillation`).
     updates_per_call: int = option(
-        1, "optimiser steps that go towards what one call of the denoiser asked for", 1, 64
+        4, "optimiser steps that go towards what one call of the denoiser asked for", 1, 64
     )
     # Six ideal trainings (`ONLY=oracle`), cooled once they drift less than 1.6, end with no error more than
     # 4 % larger than after all of their steps, most with smaller ones.
@@ -70,6 +71,7 @@ class Refinement(Distillation):
         60, "steps that fit the RGB field to decoded views of the latent one, before distillation", 0, 100_000
     )
     steps: int = option(120, "steps of score distillation in RGB", 0, 100_000)
+    updates_per_call: int = option(2, "as train_nerf's, of refinement", 1, 64)
     resolution: int = option(
         0, "side of a rendered view [pixels]; 0: half the bundle's image size, at most 128", 0, 1024
     )

@@ -8,7 +8,7 @@ from typing import Any
 # steps paint has not arrived yet: cooled, it is .7 dB worse.
 QUALITY: dict[str, dict[str, dict[str, Any]]] = {
     "draft": {
-        "train_nerf": {"steps": 100, "samples_per_ray": 48},
+        "train_nerf": {"steps": 50, "samples_per_ray": 48},
         "refinement": {"fit_steps": 30, "steps": 50},
         "extract": {"resolution": 96, "views": 12},
         "clean": {"faces": 8_000},
@@ -38,4 +38,4 @@ QUALITY: dict[str, dict[str, dict[str, Any]]] = {
 # What a model takes over: calls are what the hand-over saves, optimiser steps cost less. Oracles (`make bench
 # ONLY=hand-over`), 50 calls from a blurred start: a ball 31.4, 31.4 and 31.7 dB with 2, 4 and 6 steps a call,
 # a chair of boxes 29.9, 29.8 and 30.1; 12 are no better than 6.
-HAND_OVER: dict[str, dict[str, Any]] = {"start_fit": {"updates_per_call": 6}}
+HAND_OVER: dict[str, dict[str, Any]] = {"start_fit": {"updates_per_call": 12}}

@@ -47,7 +47,6 @@ DISTILLATION = {
     "sparsity_ramp": 0.8,
     "opacity_weight": 3.0,  # 10 eats thin parts: the poles of lamps
     "blob_radius": 0.3,
-    "updates_per_call": 2,
     "grid_levels": 12,
     "grid_finest": 256,
     "radius": list(DISTANCES),
