@@ -170,7 +170,7 @@ def panels(rows: Sequence[dict[str, Any]]) -> list[Panel]:
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
-    """Return a line a way in Markdown: PSNR and Chamfer distance of exact scenes after 100 and 200 calls; PSNR
+    """Return a line a way in Markdown: PSNR and Chamfer distance of exact scenes, after so many calls; PSNR
     and commitment where several are believed in, after 200."""
     found = {(row["way"], row["oracle"], row["calls"]): row for row in rows}
     columns = [("exact", calls) for calls in BUDGETS] + [("unseen", calls) for calls in BUDGETS[1:]]
