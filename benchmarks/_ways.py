@@ -1,8 +1,8 @@
 """The ways of score distillation that are compared: a gradient, what it is asked, and by which schedule.
 
-Each differs from `sds`, what the product does, in the one thing that its name says. `passes` are runs of the
-network a step, with and without the text; `alone` those on a scene that leaves nothing to be guided by, 0
-where such a scene says nothing. Guidance is 7.5, as most of their papers have it, where nothing else is said.
+Each differs from `sds`, two updates of the field a call, in the one thing that its name says. `passes` are
+runs of the network a step, with and without the text; `alone` those on a scene that leaves nothing to be
+guided by, 0 where such a scene says nothing. Guidance is 7.5, as most of their papers have it, where nothing else is said.
 
 Letters: b views, h x w latent pixels.
 """
@@ -31,7 +31,7 @@ class Way(NamedTuple):
     alone: int = 1
     guidance: tuple[float, float] = (GUIDANCE, GUIDANCE)
     """At the first and the last step."""
-    options: Mapping[str, Any] = MappingProxyType({})
+    options: Mapping[str, Any] = MappingProxyType({"updates_per_call": 2})
     """Of train_nerf."""
     draw: str = ""
     """How batches differ from those of training: see `Draws`."""
@@ -41,8 +41,8 @@ UPDATES = {f"{n} update{'s' * (n > 1)}": Way(options={"updates_per_call": n}) fo
 WAYS: dict[str, Way] = {
     "sds": Way(),
     **UPDATES,
-    "paper's weight": Way(options={"signal_power": 0.5}),
-    "uniform noise levels": Way(options={"timestep_max_end": 0.98}),
+    "paper's weight": Way(options={"updates_per_call": 2, "signal_power": 0.5}),
+    "uniform noise levels": Way(options={"updates_per_call": 2, "timestep_max_end": 0.98}),
     "DreamTime": Way(draw="dream time"),
     "fixed noise": Way(draw="fixed noise"),
     "fixed cameras": Way(draw="fixed cameras"),

@@ -149,7 +149,7 @@ def panels(rows: Sequence[dict[str, Any]]) -> list[Panel]:
         ours = [row for row in rows if (row["oracle"], row["way"]) == ("exact", way)]
         ours.sort(key=lambda row: row["calls"])
         budgets = [row["calls"] for row in ours]
-        star = budgets.index(TODAY_CALLS) if way == DECIDING[0] else None
+        star = budgets.index(BUDGETS[1]) if way == DECIDING[1] else None
         return Curve(way, budgets, [row[key] for row in ours], star)
 
     return [
