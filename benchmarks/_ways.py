@@ -2,7 +2,8 @@
 
 Each differs from `sds`, two updates of the field a call, in the one thing that its name says. `passes` are
 runs of the network a step, with and without the text; `alone` those on a scene that leaves nothing to be
-guided by, 0 where such a scene says nothing. Guidance is 7.5, as most of their papers have it, where nothing else is said.
+guided by, 0 where such a scene says nothing. Guidance is 7.5, as most of their papers have it, where nothing
+else is said.
 
 Letters: b views, h x w latent pixels.
 """
