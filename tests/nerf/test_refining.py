@@ -1,6 +1,7 @@
 """A latent scene as an RGB scene: same shape, colours by the linear map, and normals for light."""
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -124,7 +125,8 @@ def test_the_layer_is_trained_with_the_field(scene: Scene) -> None:
         assert batch.backgrounds.shape == (4, 3)
         return -np.ones_like(pictures)
 
-    training_step(state, OPTIONS, SIZE, up, compose=rgb_compose(Refinement(), state.rng), noise_size=5)
+    once = replace(OPTIONS, updates_per_call=1)
+    training_step(state, once, SIZE, up, compose=rgb_compose(Refinement(), state.rng), noise_size=5)
     for name, part in state.scene.modules.items():
         for parameter, value in part.named_parameters(prefix=name):
             assert not torch.equal(value, before[parameter]), parameter
