@@ -4,8 +4,8 @@ from typing import Any
 
 # Chosen from `make bench ONLY=oracle`, and by looking at what the bundled model makes: 100 steps of four
 # updates look like 200 of two; after 300 of those it was not better, after 400 its armchair had a second back
-# in place of the seat. A cell of 192 is two thirds of one of 128: normals are off by 14.1 degrees without more
-# smoothing, by 12.9 with it. What 60 steps paint has not arrived yet: cooled, it is .7 dB worse.
+# in place of the seat. A cell of 192 is two thirds of one of 128: normals are off by 14.1 degrees without
+# more smoothing, by 12.9 with it. What 60 steps paint has not arrived yet: cooled, it is .7 dB worse.
 QUALITY: dict[str, dict[str, dict[str, Any]]] = {
     "draft": {
         "train_nerf": {"steps": 50, "samples_per_ray": 48},
