@@ -7,7 +7,7 @@ import torch
 from export.everyday_objects.data.captions import caption, example_texts, known_words, seen_from
 from export.everyday_objects.data.colours import COLOURS, PALETTE, draw_colour
 from export.everyday_objects.data.kinds import BY_WORD, KINDS
-from export.everyday_objects.data.looks import Look, draw_look, dress, say
+from export.everyday_objects.data.looks import FIRST_COLOUR, Look, draw_look, dress, say
 from export.everyday_objects.data.materials import MATERIALS, paint_at
 from export.everyday_objects.data.pictures import VIEWS, draw_object, look_of, look_row, write_shard
 from export.everyday_objects.data.render import drawable, render
@@ -76,6 +76,16 @@ def test_a_blend_is_near_its_pieces():
     )
     assert skin.vertices[:, 1].max() == pytest.approx(1.1, abs=0.02)
     assert skin.vertices[:, 0].max() == pytest.approx(0.3, abs=0.02)
+
+
+def test_what_nothing_says_mostly_has_its_first_natural_colour():
+    kind = BY_WORD["duck"]
+    role = next(iter(kind.roles))
+    kind = kind._replace(roles={**kind.roles, role: ("red", "blue")})
+    shape = assemble(kind.make(np.random.default_rng(2)))
+    row = next(i for i, paint in enumerate(shape.paints) if paint.role == role)
+    drawn = [dress(np.random.default_rng(i), kind, shape, Look()).colours[row].argmax() for i in range(400)]
+    assert np.mean(np.array(drawn) == 0) == pytest.approx(FIRST_COLOUR + (1 - FIRST_COLOUR) / 2, abs=0.05)
 
 
 def test_pictures_show_the_silhouette_and_the_backdrop():
