@@ -1,9 +1,10 @@
 """The ways of score distillation that are compared: a gradient, what it is asked, and by which schedule.
 
-Each differs from `sds`, two updates of the field a call, in the one thing that its name says. `passes` are
-runs of the network a step, with and without the text; `alone` those on a scene that leaves nothing to be
-guided by, 0 where such a scene says nothing. Guidance is 7.5, as most of their papers have it, where nothing
-else is said.
+Each differs from `sds`, two updates of the field a step, in the one thing that its name says; those that ask
+more than twice a step take two updates a call as `4 updates` does, or their few steps would learn nothing.
+`passes` are runs of the network a step, with and without the text; `alone` those on a scene that leaves
+nothing to be guided by, 0 where such a scene says nothing. Guidance is 7.5, as most of their papers have it,
+where nothing else is said.
 
 Letters: b views, h x w latent pixels.
 """
@@ -50,9 +51,9 @@ WAYS: dict[str, Way] = {
     "replay": Way(draw="replay"),
     "csd": Way("csd", alone=0),
     "nfsd": Way("nfsd", alone=0),
-    "ism": Way("ism", 6, 5),
-    "sdi": Way("sdi", 12, 11),
-    "4 steps": Way("4 steps", 8, 4),
+    "ism": Way("ism", 6, 5, options={"updates_per_call": 12}),
+    "sdi": Way("sdi", 12, 11, options={"updates_per_call": 24}),
+    "4 steps": Way("4 steps", 8, 4, options={"updates_per_call": 16}),
     "guidance 1": Way(passes=1, alone=0, guidance=(1.0, 1.0)),
     "guidance 30": Way(alone=0, guidance=(30.0, 30.0)),
     "falling guidance": Way(alone=0, guidance=(15.0, 1.5)),

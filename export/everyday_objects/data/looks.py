@@ -12,7 +12,7 @@ from export.everyday_objects.data.materials import MATERIALS, Material
 from export.everyday_objects.data.render import Looks
 from export.everyday_objects.data.shapes import Shape
 
-FIRST_COLOUR = 0.85
+FIRST_COLOUR = 0.9
 """Share of parts whose colour nothing says that have the first of their natural ones. Where all were equally
 likely, the model's samples were confetti there, and what score distillation made of it was grey."""
 

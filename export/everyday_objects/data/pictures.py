@@ -36,7 +36,7 @@ VIEWS = 8
 """Of an object, one in each eighth of the turn."""
 HELD_OUT = 4
 """Shapes of a kind that are kept from training."""
-FIRST_DESIGN = 0.75
+FIRST_DESIGN = 0.9
 """Share of objects in the first shape of their kind, besides its part of the others: a prompt names no shape,
 and what the model imagines should be one, not the mean of several."""
 DISTANCES, FOVS = (2.4, 2.6), (38.0, 41.0)
