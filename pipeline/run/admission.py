@@ -8,7 +8,8 @@ from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.tokenizer import load_tokenizer
 from pipeline.errors import InputError
 from pipeline.mesh.file_checks import check_file
-from pipeline.options.job import Job, bundle_folder
+from pipeline.options.job import Job
+from pipeline.options.models import bundle_folder
 from pipeline.options.schema import read_yaml
 from pipeline.run.chain import STAGES
 from pipeline.run.plan import Step

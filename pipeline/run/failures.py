@@ -7,7 +7,8 @@ import shutil
 from pathlib import Path
 
 from pipeline.errors import InputError
-from pipeline.options.job import Job, bundle_folder, token_files
+from pipeline.options.job import Job, token_files
+from pipeline.options.models import bundle_folder
 
 _NO_REASON = ("Using profile", "host: ", "Building DAG", "Assuming unrestricted")
 """Beginnings of lines that Snakemake writes in any case."""
