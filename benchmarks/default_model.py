@@ -158,7 +158,7 @@ def psnr_heldout(bundle: Bundle) -> float:
 def views_of_run(run: Path, size: int = TILE) -> np.ndarray:
     """Eight pictures (8, size, size, 3) uint8 around the asset of a finished run."""
     mesh = read_obj(run / "mesh_uv.obj")
-    with Image.open(run / "albedo.png") as image:
+    with Image.open(run / "albedo.png", formats=["PNG"]) as image:
         texture = np.asarray(image.convert("RGB"), np.float32) / 255
     shade = albedo_shade(mesh, texture)
     return np.stack([to_bytes(picture(mesh, camera, size, shade, 3)) for camera in turn(mesh, 8)])
