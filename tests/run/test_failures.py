@@ -16,10 +16,10 @@ def test_paths_of_a_stage_are_those_that_were_typed(tmp_path: Path, monkeypatch:
         (elsewhere / "given" / name).write_text("x")
     (run / "field.npz").write_text("x")
     monkeypatch.chdir(elsewhere)
-    model, files = {"model": "./model"}, "../../here/given"
-    mesh = Job(prompt="x", mesh="given/chair.obj", **model)
-    start = Job(prompt="x", start="../here/given/chair.obj", **model)
-    other = Job(prompt="x", start="given/old", **model)
+    files = "../../here/given"
+    mesh = Job(prompt="x", mesh="given/chair.obj", model="./model")
+    start = Job(prompt="x", start="../here/given/chair.obj", model="./model")
+    other = Job(prompt="x", start="given/old", model="./model")
     for job, said, typed in (
         (mesh, f"{files}/chair.obj: no", "given/chair.obj: no"),
         (mesh, f"{files}/skin.png: no ... 1 .. 2", "given/skin.png: no ... 1 .. 2"),
