@@ -24,7 +24,7 @@ from export.everyday_objects.train.restore import restore_networks
 from export.graph import export_graph, store_as_half
 from pipeline.diffusion.bundle import open_bundle
 from pipeline.diffusion.onnx_file import read_onnx
-from pipeline.options.job import DEFAULT_MODEL
+from pipeline.options.models import DEFAULT_MODEL
 
 
 class Told(NamedTuple):

@@ -14,7 +14,8 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from pipeline.options.job import bundle_folder, resolve
+from pipeline.options.job import resolve
+from pipeline.options.models import bundle_folder
 from pipeline.run import engine
 from pipeline.run.stage import Context
 from pipeline.stages import embed, start

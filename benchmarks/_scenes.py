@@ -28,7 +28,8 @@ from pipeline.nerf.refining import render_rgb
 from pipeline.nerf.rendering import render_views
 from pipeline.nerf.scene import load_scene
 from pipeline.nerf.views import decoded_views
-from pipeline.options.job import Job, bundle_folder, resolve
+from pipeline.options.job import Job, resolve
+from pipeline.options.models import bundle_folder
 from pipeline.run import staleness
 from pipeline.run.chain import stage_options
 from pipeline.run.stage import Context

@@ -37,6 +37,7 @@ from pipeline.diffusion.tokenizer import load_tokenizer
 from pipeline.diffusion.view_gradient import told_cameras
 from pipeline.mesh.mesh import read_obj
 from pipeline.options import job as jobs
+from pipeline.options.models import bundle_folder
 from pipeline.progress import Progress
 from pipeline.report.png import to_bytes
 from pipeline.report.preview import albedo_shade, picture, turn
@@ -157,7 +158,7 @@ def psnr_heldout(bundle: Bundle) -> float:
 def views_of_run(run: Path, size: int = TILE) -> np.ndarray:
     """Eight pictures (8, size, size, 3) uint8 around the asset of a finished run."""
     mesh = read_obj(run / "mesh_uv.obj")
-    with Image.open(run / "albedo.png") as image:
+    with Image.open(run / "albedo.png", formats=["PNG"]) as image:
         texture = np.asarray(image.convert("RGB"), np.float32) / 255
     shade = albedo_shade(mesh, texture)
     return np.stack([to_bytes(picture(mesh, camera, size, shade, 3)) for camera in turn(mesh, 8)])
@@ -275,7 +276,7 @@ def judge_meshes(judge: Judge, folder: Path) -> tuple[dict[str, float], dict[str
 def main(folder: Path) -> dict[str, Any]:
     """Measure the default bundle; write contact sheets of everything, failures included."""
     judge, accuracy = load_judge(JUDGE)
-    bundle = open_bundle(jobs.bundle_folder("everyday-objects"))
+    bundle = open_bundle(bundle_folder("everyday-objects"))
     described = json.loads((bundle.path / "bundle.json").read_text(encoding="utf-8"))
     flat, flat_table = judge_flat(judge, bundle, folder)
     meshes, mesh_table = judge_meshes(judge, folder)

@@ -33,7 +33,7 @@ from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.sessions import denoiser, text_encoder
 from pipeline.diffusion.tokenizer import load_tokenizer
 from pipeline.diffusion.view_gradient import told_cameras
-from pipeline.options.job import DEFAULT_MODEL, bundle_folder
+from pipeline.options.models import DEFAULT_MODEL, bundle_folder
 
 LEVELS = (0.1, 0.3, 0.5, 0.7, 0.9)
 """Shares of the schedule: little noise to much."""

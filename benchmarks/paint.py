@@ -38,7 +38,8 @@ from pipeline.mesh.rasterize import rasterize
 from pipeline.mesh.readers import read_mesh
 from pipeline.mesh.seams import find_seams, seam_jump
 from pipeline.mesh.texture import render_texture
-from pipeline.options.job import DEFAULT_MODEL, MODELS, Job, resolve
+from pipeline.options.job import Job, resolve
+from pipeline.options.models import DEFAULT_MODEL, MODELS
 from pipeline.paint.baking import atlas_texture, painted_views, texture_psnr, view_margin
 from pipeline.paint.given_mesh import to_unit_ball
 from pipeline.paint.step import initial_paint, make_pool

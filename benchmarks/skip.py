@@ -46,7 +46,8 @@ from pipeline.nerf.scene import Scene
 from pipeline.nerf.sketch_loss import LEAST_WEIGHT, nearest_judged, shape_loss
 from pipeline.nerf.step import initial_state
 from pipeline.nerf.train import train
-from pipeline.options.job import DEFAULT_MODEL, MODELS, Job, resolve
+from pipeline.options.job import Job, resolve
+from pipeline.options.models import DEFAULT_MODEL, MODELS
 from pipeline.paint.step import Pool, initial_paint, make_pool, paint_step
 from pipeline.paint.view_weights import view_weights
 from pipeline.run.engine import run_job

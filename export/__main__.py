@@ -15,7 +15,7 @@ from types import FrameType
 
 from pipeline.errors import InputError
 from pipeline.files import refusal
-from pipeline.options.job import new_models
+from pipeline.options.models import new_models
 
 CHOICES = {
     "STORAGE": ("fp32", "fp16"),

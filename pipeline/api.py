@@ -18,6 +18,7 @@ from pipeline.diffusion.sessions import Denoise
 from pipeline.errors import InputError
 from pipeline.options import job as jobs
 from pipeline.options.job import Job
+from pipeline.options.models import DEFAULT_MODEL, bundle_folder
 from pipeline.run import engine
 from pipeline.run.costs import Cost
 from pipeline.run.engine import StageFailure
@@ -87,7 +88,7 @@ def run(job: Job, out: str | Path = "runs", threads: int = 0, profile: str = "lo
     return engine.run_job(job, Path(out), threads or usable_threads(), profile)
 
 
-def load_bundle(model: str = jobs.DEFAULT_MODEL, verify: bool = True) -> Bundle:
+def load_bundle(model: str = DEFAULT_MODEL, verify: bool = True) -> Bundle:
     """Return the description of a model, by name or by path, after checking its files.
 
     Args:
@@ -96,7 +97,7 @@ def load_bundle(model: str = jobs.DEFAULT_MODEL, verify: bool = True) -> Bundle:
     Raises:
         InputError: there is no such model, or a file is missing or damaged.
     """
-    return open_bundle(jobs.bundle_folder(model), verify=verify)
+    return open_bundle(bundle_folder(model), verify=verify)
 
 
 class _Told(list[dict[str, Any]]):

@@ -6,7 +6,7 @@ import pytest
 from export.everyday_objects.data.kinds import KINDS
 from export.everyday_objects.train.sample import of_bundle, paint
 from pipeline.diffusion.bundle import open_bundle
-from pipeline.options.job import DEFAULT_MODEL, MODELS
+from pipeline.options.models import DEFAULT_MODEL, MODELS
 
 FOLDER = MODELS / DEFAULT_MODEL
 MEGABYTES = 60

@@ -6,7 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from safetensors.numpy import save_file
 
 from tests.fake_project import ROOT, clean_environment
 from tests.tiny_bundle import write_tiny_bundle
@@ -60,7 +62,7 @@ def test_a_run_of_the_readme_can_be_planned(command: list[str], tmp_path: Path) 
     for name in GIVEN:
         if f"{name}={GIVEN[name]}" in arguments:
             file = tmp_path / Path(GIVEN[name]).name
-            file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+            save_file({"<mine>": np.zeros((1, 8), np.float32)}, file)
             arguments[arguments.index(f"{name}={GIVEN[name]}")] = f"{name}={file}"
     if "START=runs/latest" in arguments:
         (tmp_path / "before").mkdir()

@@ -23,6 +23,7 @@ from pipeline.diffusion.bundle import open_bundle
 from pipeline.diffusion.providers import present_providers
 from pipeline.errors import InputError
 from pipeline.options import job as jobs
+from pipeline.options.models import DEFAULT_MODEL, known_models
 from pipeline.run import engine
 from pipeline.run.estimate import available_memory_mb
 
@@ -228,7 +229,7 @@ def _locks(out: Path) -> Finding:
 
 def model_findings() -> Iterator[Finding]:
     """Give a finding a model: every file against its checksum."""
-    for name, folder in jobs.known_models().items():
+    for name, folder in known_models().items():
         try:
             bundle = open_bundle(folder)
         except InputError as error:
@@ -238,7 +239,7 @@ def model_findings() -> Iterator[Finding]:
         yield Finding("ok", f"model {name}", told)
 
 
-def self_test(threads: int, model: str = jobs.DEFAULT_MODEL) -> Finding:
+def self_test(threads: int, model: str = DEFAULT_MODEL) -> Finding:
     """Make a small asset with every stage in a temporary folder, and say the seconds a step of training."""
     with tempfile.TemporaryDirectory(prefix="latent-nerf-doctor-") as scratch:
         asked = Path(scratch, "job.yaml")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pipeline.diffusion.bundle import OPTIONAL_GRAPHS, open_bundle
 from pipeline.errors import InputError
-from pipeline.options.job import DEFAULT_MODEL, known_models, new_models
+from pipeline.options.models import DEFAULT_MODEL, known_models, new_models
 
 
 def list_models(verify: bool, say: Callable[[str], None]) -> list[str]:

@@ -18,13 +18,11 @@ import torch
 from safetensors import SafetensorError
 from safetensors.torch import load as load_safetensors
 
+from pipeline.diffusion.token_checks import check_token
 from pipeline.diffusion.tokens import ANY, LearnedToken
 from pipeline.errors import InputError
 from pipeline.options.schema import short
 
-FORMATS = (".safetensors", ".bin", ".pt")
-LARGEST_FILE = 64 * 2**20
-"""Bytes; a concept takes kilobytes, a checkpoint given by mistake gigabytes."""
 MOST_VECTORS = 75
 """More tokens do not fit into CLIP's window."""
 
@@ -36,11 +34,7 @@ def read_token(path: Path) -> LearnedToken:
         InputError: not one of the formats, damaged, objects instead of numbers, several tensors, no finite
             numbers, too many tokens.
     """
-    size = path.stat().st_size
-    if not 0 < size <= LARGEST_FILE:
-        raise InputError(f"TOKEN {path}: {size} bytes, expected a learned embedding of a few kilobytes")
-    if path.suffix.lower() not in FORMATS:
-        raise InputError(f"TOKEN {path}: the ending is {path.suffix!r}, expected {' or '.join(FORMATS)}")
+    check_token(path)
     values = _safetensors(path) if path.suffix.lower() == ".safetensors" else _torch_file(path)
     name, tensor = _concept(path, values)
     vectors = tensor.detach().to(torch.float32).numpy()

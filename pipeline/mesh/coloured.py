@@ -16,13 +16,11 @@ from PIL import Image
 from pipeline.cameras import Camera
 from pipeline.errors import InputError
 from pipeline.mesh.bilinear import sample
-from pipeline.mesh.file_checks import colour_files
 from pipeline.mesh.mesh import Mesh, texture_points
+from pipeline.mesh.pictures import FORMATS, MOST_TEXELS, check_pictures
 from pipeline.mesh.rasterize import Fragments, rasterize
 from pipeline.mesh.readers import read_mesh
 
-MOST_TEXELS = 8192**2
-"""Of one texture."""
 SUPERSAMPLING = 2
 
 
@@ -58,13 +56,12 @@ def read_coloured(path: Path) -> ColouredMesh:
         InputError: what `read_mesh` refuses; a texture that is missing, unreadable or too large; no colours.
     """
     given = read_mesh(path)  # all that can be wrong with its triangles
-    for file in colour_files(path):
-        if file.suffix.lower() != ".mtl":
-            _check_picture(file)
+    check_pictures(path)
+    textures: dict[int, np.ndarray] = {}
     try:
         scene = trimesh.load_scene(path, file_type=path.suffix.lower()[1:], process=False, validate=False)
         pieces = [
-            _piece(scene.geometry[name], np.asarray(scene.graph[node][0]), path)
+            _piece(scene.geometry[name], np.asarray(scene.graph[node][0]), path, textures)
             for node in sorted(scene.graph.nodes_geometry)
             for name in [scene.graph[node][1]]
             if isinstance(scene.geometry[name], trimesh.Trimesh) and len(scene.geometry[name].faces)
@@ -172,7 +169,9 @@ def _mesh(
     )
 
 
-def _piece(geometry: Any, transform: np.ndarray, path: Path) -> tuple[ColouredMesh, bool]:
+def _piece(
+    geometry: Any, transform: np.ndarray, path: Path, textures: dict[int, np.ndarray]
+) -> tuple[ColouredMesh, bool]:
     """Return one part of trimesh's scene, and whether it says what colours it has."""
     vertices = np.asarray(geometry.vertices, np.float64) @ transform[:3, :3].T + transform[:3, 3]
     faces = np.asarray(geometry.faces, np.int64)
@@ -186,7 +185,7 @@ def _piece(geometry: Any, transform: np.ndarray, path: Path) -> tuple[ColouredMe
         said = getattr(material, "baseColorFactor", None)
         if linear and said is not None:
             factor = _unit(said)[:3]
-        return _mesh(vertices, faces, Paint(_texture(image, path), factor), corners, None), True
+        return _mesh(vertices, faces, Paint(_texture(image, path, textures), factor), corners, None), True
     colours = None
     if visual.kind == "vertex":
         colours = _unit(visual.vertex_colors)[:, :3][faces]
@@ -210,20 +209,18 @@ def _unit(values: Any) -> np.ndarray:
     return array / 255 if array.dtype == np.uint8 else np.clip(array.astype(np.float64), 0, 1)
 
 
-def _check_picture(file: Path) -> None:
-    """Raise InputError unless a texture's file is a picture: trimesh would go on without it."""
-    try:
-        with Image.open(file) as image:
-            image.verify()
-    except Exception as error:  # pillow lets nearly everything escape
-        said = " ".join(str(error).split())[:120] or type(error).__name__
-        raise InputError(f"{file}: not a readable picture ({said}); export the texture again") from None
-
-
-def _texture(image: Image.Image, path: Path) -> Float[np.ndarray, "h w 3"]:
-    if image.width * image.height > MOST_TEXELS:
-        raise InputError(
-            f"{path}: a texture has {image.width} x {image.height} texels, expected {MOST_TEXELS} at most; "
-            "make it smaller"
-        )
-    return np.asarray(image.convert("RGB"), np.float32) / 255
+def _texture(image: Image.Image, path: Path, known: dict[int, np.ndarray]) -> Float[np.ndarray, "h w 3"]:
+    """Return a picture's colours; `known` are those of others, which it joins, by the picture's identity."""
+    if id(image) not in known:
+        texels = image.width * image.height + sum(texture.size // 3 for texture in known.values())
+        if texels > MOST_TEXELS:
+            raise InputError(
+                f"{path}: its textures have {texels} texels, expected {MOST_TEXELS} at most; "
+                "make them smaller"
+            )
+        # What the checks missed is not decoded; MPO is a JPEG of several, None was decoded by trimesh.
+        if image.format not in (*FORMATS, "MPO", None):
+            raise InputError(f"{path}: a texture is {image.format}, expected {', '.join(FORMATS)}")
+        known[id(image)] = np.asarray(image.convert("RGB"), np.float32)
+        known[id(image)] /= 255
+    return known[id(image)]

@@ -5,6 +5,7 @@ Also the other files that a .gltf file needs.
 
 from __future__ import annotations
 
+import re
 import struct
 from pathlib import Path
 from typing import Any
@@ -79,6 +80,8 @@ def check_ply(path: Path) -> None:
         raise InputError(f"{path}: no PLY header; export the mesh again")
     size = path.stat().st_size
     for words in (line.split() for line in lines):
+        if words[:2] == [b"element", b"tristrips"]:
+            raise InputError(f"{path}: is made of triangle strips; export it as triangles")
         if words[:1] == [b"element"]:
             count = int(words[2]) if len(words) == 3 and words[2].isdigit() else -1
             if not 0 <= count <= size:
@@ -105,9 +108,7 @@ def check_gltf(path: Path) -> None:
                 raise InputError(f"{path}: accessor {index} claims {count} elements; the file is damaged")
         children = [[int(child) for child in node.get("children", ())] for node in document.get("nodes", [])]
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
-        raise InputError(
-            f"{path}: not valid glTF ({type(error).__name__}: {error}); export it again"
-        ) from None
+        raise InputError(f"{path}: not valid glTF ({gltf_fault(error)}); export it again") from None
     for name in needed:
         if not name.startswith(SUPPORTED_EXTENSIONS):
             raise InputError(f"{path}: needs the glTF extension {name[:60]}; export the mesh without it")
@@ -115,9 +116,19 @@ def check_gltf(path: Path) -> None:
     try:
         _check_shown(document, path)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
-        raise InputError(
-            f"{path}: not valid glTF ({type(error).__name__}: {error}); export it again"
-        ) from None
+        raise InputError(f"{path}: not valid glTF ({gltf_fault(error)}); export it again") from None
+
+
+def gltf_fault(error: Exception) -> str:
+    """Return what an error met in a glTF document says about the file, in one line."""
+    said = " ".join(str(error).split())[:120]
+    if isinstance(error, KeyError):
+        return f"{said} is missing or unknown"
+    if isinstance(error, IndexError):
+        return f"it refers to what is not there: {said}"
+    if isinstance(error, (AttributeError, TypeError)):
+        return f"a value is of another kind than glTF says: {said}"
+    return said
 
 
 def _check_version(document: dict[str, Any], path: Path) -> None:
@@ -192,7 +203,7 @@ def buffer_files(path: Path) -> list[Path]:
 
 def colour_files(path: Path) -> list[Path]:
     """Return the files that a mesh takes its colours from: materials and textures of an OBJ, textures of a
-    .gltf (none for other files); they lie beside it.
+    .gltf or a PLY (none for other files); they lie beside it.
 
     Raises InputError for one that is missing or outside its folder.
     """
@@ -205,6 +216,8 @@ def colour_files(path: Path) -> list[Path]:
             for uri in uris
             if isinstance(uri, str) and not uri.startswith("data:")
         ]
+    if suffix == ".ply":
+        return [_beside(path, name, "texture") for name in _ply_textures(path)]
     if suffix != ".obj":
         return []
     found = []
@@ -215,6 +228,14 @@ def colour_files(path: Path) -> list[Path]:
             whole = (library.parent / texture).is_file()  # else options stand before the name
             found.append(_beside(library, texture if whole else texture.split()[-1], "texture"))
     return list(dict.fromkeys(found))
+
+
+def _ply_textures(path: Path) -> list[str]:
+    """Return the last texture that comments of a PLY file's header name, the one that is read, if any."""
+    with path.open("rb") as stream:
+        head = stream.read(_PLY_HEADER).partition(b"end_header")[0].decode("utf-8", "replace")
+    found = re.findall(r"^\s*comment\s+texturefile\s+(\S.*)", head, re.IGNORECASE | re.MULTILINE)
+    return [found[-1].strip()] if found else []
 
 
 def _words_after(path: Path, key: str) -> list[str]:
@@ -246,7 +267,7 @@ def read_gltf_json(path: Path) -> dict[str, Any]:
         if path.suffix.lower() == ".glb":
             magic, version, _, length, kind = struct.unpack("<4sII I4s", data[:20])
             if magic == b"glTF" and version != 2:
-                raise ValueError(f"glTF {version} is not read: convert it to 2.0")
+                raise InputError(f"{path}: glTF {version} is not read: convert it to 2.0")
             if magic != b"glTF" or kind != b"JSON" or length > len(data) - 20:
                 raise ValueError("no glTF header")
             data = data[20 : 20 + length]

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline.errors import InputError
-from pipeline.mesh.file_checks import buffer_files, read_gltf_json
+from pipeline.mesh.file_checks import buffer_files, gltf_fault, read_gltf_json
 
 DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -114,7 +114,7 @@ def open_document(path: Path) -> Document:
                 raise ValueError(f"buffer {row} claims {length} bytes and has {len(data)}")
             buffers.append(data[:length])
     except (KeyError, TypeError, ValueError, AttributeError, struct.error) as error:
-        raise InputError(f"{path}: not a readable glTF file ({error}); export it again") from None
+        raise InputError(f"{path}: not a readable glTF file ({gltf_fault(error)}); export it again") from None
     return Document(document, buffers)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from pipeline.errors import InputError
-from pipeline.mesh.file_checks import check_gltf
+from pipeline.mesh.file_checks import check_gltf, gltf_fault
 from pipeline.mesh.gltf_document import Document, open_document
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
@@ -52,10 +52,7 @@ def read_gltf(path: Path) -> tuple[Document, list[Piece]]:
     try:
         return document, list(_pieces(document))
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
-        said = " ".join(str(error).split())[:200]
-        raise InputError(
-            f"{path}: not a readable glTF mesh ({type(error).__name__}: {said}); export it again"
-        ) from None
+        raise InputError(f"{path}: not a readable glTF mesh ({gltf_fault(error)}); export it again") from None
 
 
 def _pieces(document: Document) -> Iterator[Piece]:

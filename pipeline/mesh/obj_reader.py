@@ -10,6 +10,7 @@ Letters: v vertices, t texture points, n normals, p polygons, c corners of these
 
 from __future__ import annotations
 
+import codecs
 from pathlib import Path
 from typing import NamedTuple
 
@@ -99,8 +100,13 @@ def parse_obj(path: Path) -> ObjArrays:
 
 
 def obj_lines(path: Path) -> list[str]:
-    """Return the lines of an OBJ file, those that a backslash continues as one."""
-    text = path.read_text(encoding="utf-8-sig", errors="replace")
+    """Return the lines of an OBJ file, those that a backslash continues as one.
+
+    Raises InputError for UTF-16, which would be read as a file without any statement."""
+    data = path.read_bytes()
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise InputError(f"{path}: its text is UTF-16, expected UTF-8 or ASCII; save it as UTF-8")
+    text = data.decode("utf-8-sig", errors="replace").replace("\r\n", "\n").replace("\r", "\n")
     return text.replace("\\\n", " ").split("\n")
 
 

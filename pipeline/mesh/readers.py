@@ -20,6 +20,7 @@ from pipeline.mesh.mesh import Mesh, check_mesh
 from pipeline.mesh.obj_reader import parse_obj
 
 MOST_FACES = 5_000_000
+_NO_FACES = np.zeros((0, 3), np.int64)
 LEAST_EXTENT, MOST_EXTENT = 1e-30, 1e30
 """Beyond these the asset's float32 positions would run out of range."""
 
@@ -102,6 +103,11 @@ def _read_other(path: Path, suffix: str) -> InputMesh:
             for geometry in scene.geometry.values()
             if isinstance(geometry, trimesh.Trimesh)
         ]
+        if not parts and any(len(cloud.vertices) for cloud in scene.geometry.values()):
+            # trimesh has another class for what _check would name
+            parts = [
+                _Part(np.concatenate([c.vertices for c in scene.geometry.values()]), _NO_FACES, None, None)
+            ]
         return _joined(parts, path, [path.stem] * len(parts))
     except InputError:
         raise

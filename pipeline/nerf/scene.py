@@ -4,6 +4,7 @@ Letters: n points.
 """
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,7 @@ from pipeline import arrays
 from pipeline.documents import parse_json
 from pipeline.errors import InputError
 from pipeline.nerf.field import FieldShape, LatentField
+from pipeline.nerf.grid_levels import FEATURES, hash_grid
 from pipeline.nerf.linear_rgb import LinearRgb
 from pipeline.nerf.occupancy import Occupancy
 from pipeline.training.background import Background, FlatBackground, LearnedBackground
@@ -83,12 +85,14 @@ def from_arrays(values: Mapping[str, np.ndarray]) -> Scene:
     """Return the scene that `to_arrays` described.
 
     Raises:
-        ValueError: an array is absent or has another shape or type.
+        ValueError: an array is absent or has another shape or type, or the header asks for more.
     """
     try:
         header = parse_json(values["header"].tobytes())
         rng = np.random.default_rng(0)  # what it initialises is overwritten
-        field = LatentField(FieldShape(**header["field"]), rng)
+        shape = FieldShape(**header["field"])
+        _check_sizes(shape, int(header["samples_per_ray"]), values)
+        field = LatentField(shape, rng)
         field.sharpening = float(header["sharpening"])
         background: Background = (
             FlatBackground(np.zeros_like(values["background.colours"]))
@@ -107,8 +111,30 @@ def from_arrays(values: Mapping[str, np.ndarray]) -> Scene:
             }
             module.load_state_dict(state)
         return scene
-    except (KeyError, TypeError, RuntimeError) as error:
-        raise ValueError(f"not a scene: {error}") from None
+    except (KeyError, TypeError, RuntimeError, AttributeError, OverflowError) as error:
+        said = " ".join(str(error).split())[:200]
+        raise ValueError(f"not a scene: {said}") from None
+
+
+def _check_sizes(shape: FieldShape, samples: int, values: Mapping[str, np.ndarray]) -> None:
+    """Raise ValueError where the header, which memory and kernels go by, does not fit the arrays."""
+    if not all(map(math.isfinite, shape)) or shape.blob_radius <= 0:
+        raise ValueError("the header holds numbers that are none")
+    if not all(isinstance(number, int) for number in shape[:4]):
+        raise ValueError("the header holds counts that are none")
+    if not (0 < shape.levels <= 32 and 0 < shape.coarsest <= shape.finest <= 2**14):
+        raise ValueError(f"a grid of {shape.levels} levels from {shape.coarsest} to {shape.finest} cells")
+    if not (0 < shape.table_log2 <= 24 and 0 < samples <= 2**12):
+        raise ValueError(f"tables of 2^{shape.table_log2} entries, {samples} samples a ray")
+    wanted = (hash_grid(*shape[:4]).entries, FEATURES)
+    if (found := values["field.table"].shape) != wanted:
+        raise ValueError(f"a table of shape {found}, expected {wanted} for its grid")
+    density, occupied = values["occupancy.density"], values["occupancy.occupied"]
+    cells = len(density)
+    if not density.shape == occupied.shape == (cells, cells, cells) or not 0 < cells <= 2**10:
+        raise ValueError(f"a grid of occupied cells of shape {density.shape} and {occupied.shape}")
+    if density.dtype != np.float32 or occupied.dtype != np.bool_:
+        raise ValueError(f"occupied cells of type {density.dtype} and {occupied.dtype}")
 
 
 def save_scene(path: Path, scene: Scene) -> None:

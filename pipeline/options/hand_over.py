@@ -10,7 +10,8 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.options import job as jobs
-from pipeline.options.job import MODELS, Job
+from pipeline.options.job import Job
+from pipeline.options.models import MODELS
 from pipeline.options.schema import read_yaml, short
 
 STRENGTH = "0.25"

@@ -23,11 +23,7 @@ from pipeline.documents import read_json
 from pipeline.errors import InputError
 from pipeline.options.asset import Bake, Clean, Extract, Publish, Unwrap
 from pipeline.options.distillation import Distillation
-from pipeline.options.models import DEFAULT_MODEL as DEFAULT_MODEL
-from pipeline.options.models import MODELS as MODELS
-from pipeline.options.models import bundle_folder as bundle_folder
-from pipeline.options.models import known_models as known_models
-from pipeline.options.models import new_models as new_models
+from pipeline.options.models import DEFAULT_MODEL, MODELS, bundle_folder
 from pipeline.options.nerf import Contest, Refinement, SketchField, TrainNerf
 from pipeline.options.paint import BakePaint, Prepare, TrainPaint
 from pipeline.options.quality import HAND_OVER, QUALITY

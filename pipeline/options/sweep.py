@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import InputError
-from pipeline.options.job import MODELS, Job, resolve, run_name
+from pipeline.options.job import Job, resolve, run_name
+from pipeline.options.models import MODELS
 from pipeline.options.schema import plain, read_yaml, short
 
 MOST = 20_000

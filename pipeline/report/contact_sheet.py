@@ -91,7 +91,7 @@ def _facts(run: Path) -> list[Any]:
 def _picture(run: Path) -> Image.Image | None:
     """Return the front view: the first tile of preview.png, four in a row."""
     try:
-        with Image.open(run / "preview.png") as preview:
+        with Image.open(run / "preview.png", formats=["PNG"]) as preview:
             side = preview.width // 4
             return Image.fromarray(np.asarray(preview.convert("RGB").crop((0, 0, side, side))))
     except OSError:

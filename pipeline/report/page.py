@@ -57,7 +57,8 @@ START = """
   var text = atob(document.getElementById("glb").textContent.trim());
   var bytes = new Uint8Array(text.length);
   for (var i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
-  showAsset(document.getElementById("viewer"), bytes.buffer);
+  var shown = showAsset(document.getElementById("viewer"), bytes.buffer);
+  if (!shown) document.body.classList.remove("alone");
   var video = document.querySelector("video"), still = matchMedia("(prefers-reduced-motion: reduce)").matches;
   if (!still && !document.body.classList.contains("alone")) video.play().catch(function () {});
 })();

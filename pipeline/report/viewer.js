@@ -1,5 +1,6 @@
 // Shows an asset: turned with the mouse, a finger or the arrow keys, nearer with the wheel, a pinch or + and -.
-// showAsset(host, bytes) fills an element with it; it needs three.js with its loader of glTF (THREE).
+// showAsset(host, bytes) fills an element with it; it needs three.js with its loader of glTF (THREE). Without WebGL it
+// says so in a line and returns null.
 "use strict";
 
 function showAsset(host, bytes) {
@@ -14,16 +15,18 @@ function showAsset(host, bytes) {
   const status = document.createElement("span");
   status.className = "dim";
   status.setAttribute("role", "status");
-  host.replaceChildren(stage, bar);
 
   let renderer;
   try {
     renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true, preserveDrawingBuffer: true });
   } catch (error) {
+    // Without the stage: it would stay an empty box.
     status.textContent = "This browser has no WebGL: see the pictures instead.";
     bar.append(status);
+    host.replaceChildren(bar);
     return null;
   }
+  host.replaceChildren(stage, bar);
   renderer.outputEncoding = THREE.sRGBEncoding;
   stage.append(renderer.domElement);
   const scene = new THREE.Scene();
@@ -173,6 +176,8 @@ function showAsset(host, bytes) {
     fit();
     if (!still.matches) setTurning(true);
   }, (error) => {
+    stage.hidden = true;
+    bar.replaceChildren(status);
     status.textContent = "The asset cannot be shown: see the pictures instead.";
   });
   still.addEventListener("change", () => still.matches && setTurning(false));

@@ -5,10 +5,12 @@ from pathlib import Path
 
 from pipeline.diffusion.providers import provider_chain
 from pipeline.diffusion.schedule import load_schedule
+from pipeline.diffusion.token_checks import check_token
 from pipeline.diffusion.tokenizer import load_tokenizer
 from pipeline.errors import InputError
 from pipeline.mesh.file_checks import check_file
-from pipeline.options.job import Job, bundle_folder
+from pipeline.options.job import Job, token_files
+from pipeline.options.models import bundle_folder
 from pipeline.options.schema import read_yaml
 from pipeline.run.chain import STAGES
 from pipeline.run.plan import Step
@@ -21,12 +23,16 @@ QUICK = 4 * 2**20
 
 
 def check_job(job: Job) -> None:
-    """Raise InputError for a provider that this onnxruntime lacks, or a file that is no mesh by its name or
-    by its first bytes."""
+    """Raise InputError for a provider that this onnxruntime lacks, or a file that is no mesh, or no learned
+    token, by its name or by its first bytes."""
     if job.provider != "cpu":
         provider_chain(job.provider)
+    for file in token_files(job.token):
+        check_token(file)
     if job.mesh:
         check_file(Path(job.mesh))
+    if job.start and Path(job.start).is_file():
+        check_file(Path(job.start))
     if job.sketch:
         check_ending(Path(job.sketch))
         if Path(job.sketch).suffix.lower() not in DRAWINGS:
@@ -34,7 +40,7 @@ def check_job(job: Job) -> None:
 
 
 def check_given(job: Job, steps: list[Step]) -> None:
-    """Read what the stages that will run have to read: the mesh or the drawing (what is too large to be read
+    """Read what the stages that will run have to read: meshes or the drawing (what is too large to be read
     twice is left to its stage), the model's tokenizer and its schedule; raises InputError as they would."""
     stages = {step.stage for step in steps if step.verdict == "run"}
     folder = bundle_folder(job.model)
@@ -46,6 +52,13 @@ def check_given(job: Job, steps: list[Step]) -> None:
     for path in (Path(path) for stage, path in given.items() if path and stage in stages):
         if path.stat().st_size <= QUICK:
             read_sketch(path, job.sketch_field.thickness)
+    start = Path(job.start)
+    if stages & {"start", "start_paint"} and start.is_file() and start.stat().st_size <= QUICK:
+        from pipeline.mesh.pictures import check_pictures  # with pillow, which few runs need here
+        from pipeline.mesh.readers import read_mesh
+
+        read_mesh(start)
+        check_pictures(start)
 
 
 def profile_folder(name: str) -> Path:

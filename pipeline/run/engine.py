@@ -14,6 +14,7 @@ from pipeline.errors import InputError
 from pipeline.files import refusal, write_text
 from pipeline.options import job as jobs
 from pipeline.options.job import Job
+from pipeline.options.models import bundle_folder
 from pipeline.progress import duration, say
 from pipeline.run.admission import check_given, check_job, executor_of, profile_folder
 from pipeline.run.chain import stages_of
@@ -37,7 +38,7 @@ def plan_run(job: Job, out: Path, profile: str = "local") -> list[tuple[Step, Co
     Raises:
         InputError: what `run_job` would raise before its first stage.
     """
-    run, folder = out / jobs.run_name(job), jobs.bundle_folder(job.model)
+    run, folder = out / jobs.run_name(job), bundle_folder(job.model)
     profile_folder(profile)
     check_job(job)
     bundle = open_bundle(folder)
@@ -51,7 +52,7 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
         InputError: something the user can mend; nothing that was there is lost.
         StageFailure: a stage failed for another reason; the text names the log.
     """
-    folder = jobs.bundle_folder(job.model)
+    folder = bundle_folder(job.model)
     run = out / jobs.run_name(job)
     settings = profile_folder(profile)
     check_job(job)

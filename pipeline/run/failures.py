@@ -7,7 +7,8 @@ import shutil
 from pathlib import Path
 
 from pipeline.errors import InputError
-from pipeline.options.job import Job, bundle_folder, token_files
+from pipeline.options.job import Job, token_files
+from pipeline.options.models import bundle_folder
 
 _NO_REASON = ("Using profile", "host: ", "Building DAG", "Assuming unrestricted")
 """Beginnings of lines that Snakemake writes in any case."""
@@ -47,12 +48,18 @@ def memory_limit() -> str:
 def as_typed(reason: str, job: Job, run: Path) -> str:
     """Return what a stage said with its paths, which lead from the run's folder, as the user knows them."""
     bundle = job.model if "/" in job.model else str(bundle_folder(job.model))
-    typed = [job.mesh, job.sketch, *map(str, token_files(job.token)), bundle]
-    here = run.resolve()
-    names = {os.path.relpath(Path(path).resolve(), here): path for path in typed if path}
-    for relative, path in sorted(names.items(), key=lambda pair: -len(pair[0])):
-        # The longest first: it may begin with another.
-        reason = re.sub(rf"(?<![\w./-]){re.escape(relative)}(?![\w-])", path.replace("\\", r"\\"), reason)
+    typed = [job.mesh, job.sketch, job.start, *map(str, token_files(job.token)), bundle]
+    # What a mesh names, a texture say, lies beside it or below.
+    beside = [str(Path(path).parent) for path in (job.mesh, job.start) if path and Path(path).is_file()]
+    known = [(path, "(?=/)") for path in beside] + [(path, r"(?![\w-])") for path in typed if path]
+    names: dict[str, str] = {}
+    patterns: list[str] = []
+    for path, after in known:
+        relative = os.path.relpath(Path(path).resolve(), run.resolve())
+        names[relative] = path
+        patterns.append(re.escape(relative) + after)
+    patterns.sort(key=len, reverse=True)  # the longest first: it may begin with another
+    reason = re.sub(rf"(?<![\w./-])({'|'.join(patterns)})", lambda found: names[found[0]], reason)
     own = re.match(r"[\w.-][\w./-]*", reason)
     if own and not own[0].startswith("..") and (run / own[0]).exists():
         reason = f"{run}/{reason}"

@@ -6,6 +6,7 @@ from pathlib import Path
 from pipeline.diffusion.bundle import open_bundle
 from pipeline.options import job as jobs
 from pipeline.options.job import Job
+from pipeline.options.models import bundle_folder
 from pipeline.progress import say
 from pipeline.run.chain import stages_of
 from pipeline.run.costs import Cost
@@ -21,7 +22,7 @@ def plan_runs(chain: Sequence[Job], out: Path, profile: str = "local") -> list[l
     before = None
     for job in chain:
         if before is not None and any(step.verdict == "run" for step, _ in plans[-1]):
-            bundle = open_bundle(jobs.bundle_folder(job.model))
+            bundle = open_bundle(bundle_folder(job.model))
             steps = [Step(stage.name, "run", f"after {before}") for stage in stages_of(job)]
             plans.append(priced(job, bundle, steps, machine_pace()))
         else:
@@ -34,7 +35,7 @@ def run_jobs(chain: Sequence[Job], out: Path, threads: int, profile: str = "loca
     """Make jobs that start from one another, in their order; return the folder of the last. Raises as
     `run_job`: what another one needs is looked at before the first begins."""
     for job in chain[1:]:
-        open_bundle(jobs.bundle_folder(job.model))
+        open_bundle(bundle_folder(job.model))
     for place, job in enumerate(chain):
         if len(chain) > 1:
             say(f"{'draft' if place < len(chain) - 1 else 'asset'} with {job.model}:")

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
-from pipeline.options.job import Job, bundle_folder, token_files
+from pipeline.options.job import Job, token_files
+from pipeline.options.models import bundle_folder
 from pipeline.run.chain import REPORT, stages_of
 from pipeline.run.start_files import start_files
 

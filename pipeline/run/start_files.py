@@ -13,8 +13,8 @@ from typing import Any
 
 from pipeline.errors import InputError
 from pipeline.mesh.file_checks import buffer_files, colour_files
-from pipeline.options import job as jobs
 from pipeline.options.job import Job
+from pipeline.options.models import DEFAULT_MODEL, bundle_folder
 from pipeline.options.schema import read_yaml
 from pipeline.options.start import FIELDS
 from pipeline.run.chain import STAGES
@@ -88,8 +88,8 @@ def _model_of(run: Path) -> Path:
         raise InputError(
             f"START {str(run)!r} has no job.yaml, which names its model: give its asset.glb instead"
         )
-    model = read_yaml(described).get("model", jobs.DEFAULT_MODEL)
+    model = read_yaml(described).get("model", DEFAULT_MODEL)
     try:
-        return jobs.bundle_folder(str(model))
+        return bundle_folder(str(model))
     except InputError as error:
         raise InputError(f"START {str(run)!r}: {error}; give its asset.glb instead") from None

@@ -14,6 +14,7 @@ from pipeline.errors import InputError
 from pipeline.files import write_text
 from pipeline.options import job as jobs
 from pipeline.options.job import Job
+from pipeline.options.models import bundle_folder
 from pipeline.progress import duration, say
 from pipeline.run.admission import check_job, executor_of, profile_folder
 from pipeline.run.chain import STAGES, stage_options
@@ -60,7 +61,7 @@ def run_sweep(wanted: Sequence[Job], out: Path, folder: Path, threads: int, prof
     """
     settings = profile_folder(profile)
     for model in dict.fromkeys(job.model for job in wanted):
-        open_bundle(jobs.bundle_folder(model))
+        open_bundle(bundle_folder(model))
     for job in wanted:
         check_job(job)
     runs = {job: out / jobs.run_name(job) for job in wanted}
@@ -189,7 +190,7 @@ def _announce(runs: dict[Job, Path], stale: dict[Job, list[str]], profile: Path)
     if executor_of(profile) == "local":
         pace, seconds = machine_pace(), 0.0
         for job, names in stale.items():
-            bundle = open_bundle(jobs.bundle_folder(job.model), verify=False)
+            bundle = open_bundle(bundle_folder(job.model), verify=False)
             seconds += sum(cost.seconds for cost in price(job, bundle, names, pace).values())
         line += f", about {duration(seconds)} at most"
     say(line)

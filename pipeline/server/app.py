@@ -19,6 +19,7 @@ from pipeline.errors import InputError
 from pipeline.files import refusal
 from pipeline.options import job as jobs
 from pipeline.options.job import Job
+from pipeline.options.models import DEFAULT_MODEL, known_models
 from pipeline.options.quality import QUALITY
 from pipeline.report import gallery
 from pipeline.report.viewer import three_js, viewer_js
@@ -111,7 +112,7 @@ class _Api:
 
     async def about(self, request: Request) -> Response:
         """Say what can be asked for, and how long each quality takes."""
-        models = list(jobs.known_models())
+        models = list(known_models())
         seconds = {}
         for quality in QUALITY:
             with contextlib.suppress(InputError):
@@ -120,7 +121,7 @@ class _Api:
         return JSONResponse(
             {
                 "models": models,
-                "default_model": jobs.DEFAULT_MODEL,
+                "default_model": DEFAULT_MODEL,
                 "quality_seconds": seconds,
                 "meshes": uploads.MESHES,
                 "drawings": uploads.DRAWINGS,

@@ -23,6 +23,7 @@ from pipeline.errors import InputError
 from pipeline.files import write_text
 from pipeline.options import job as jobs
 from pipeline.options.job import Job
+from pipeline.options.models import bundle_folder
 from pipeline.progress import EVERY
 from pipeline.run.chain import stages_of
 from pipeline.run.estimate import price
@@ -93,7 +94,7 @@ class Queue:
 
     def seconds_of(self, job: Job) -> dict[str, float]:
         """Return what each stage of a job is estimated to take [seconds]."""
-        bundle = open_bundle(jobs.bundle_folder(job.model), verify=False)
+        bundle = open_bundle(bundle_folder(job.model), verify=False)
         costs = price(job, bundle, [stage.name for stage in stages_of(job)], self.pace)
         return {name: cost.seconds for name, cost in costs.items()}
 

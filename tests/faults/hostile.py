@@ -1,8 +1,10 @@
 """Hostile files, made as they are needed: none of a stranger's lies in the repository."""
 
 import base64
+import io
 import json
 import struct
+import zipfile
 import zlib
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -57,10 +59,30 @@ def gltf(**changes: Any) -> bytes:
     return json.dumps(document).encode()
 
 
+def textured_gltf(picture: bytes) -> bytes:
+    """Return glTF text of two triangles whose colours are a picture inside it."""
+    document = json.loads(gltf())
+    uri = "data:image/png;base64," + base64.b64encode(picture).decode()
+    document["images"], document["textures"] = [{"uri": uri}], [{"source": 0}]
+    document["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+    primitive = document["meshes"][0]["primitives"][0]
+    primitive["material"], primitive["attributes"]["TEXCOORD_0"] = 0, 2
+    document["accessors"].append({"componentType": 5126, "count": 4, "type": "VEC2"})
+    return json.dumps(document).encode()
+
+
 def glb(text: bytes, version: int = 2) -> bytes:
     """Return a GLB file around JSON text."""
     body = struct.pack("<I4s", len(text), b"JSON") + text
     return struct.pack("<4sII", b"glTF", version, 12 + len(body)) + body
+
+
+def packed(content: bytes) -> bytes:
+    """Return a zip archive of one packed file."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a/data/0", content)
+    return stream.getvalue()
 
 
 def ply(claim: str, data: bytes) -> bytes:
@@ -74,7 +96,8 @@ def svg(inside: str, before: str = "") -> bytes:
     return (before + DRAWING.format(inside)).encode()
 
 
-def _ball(kind: str) -> bytes:
+def ball(kind: str) -> bytes:
+    """Return a whole mesh."""
     written = trimesh.creation.icosphere(1).export(file_type=kind)
     return written if isinstance(written, bytes) else str(written).encode()
 
@@ -95,6 +118,7 @@ MESHES: dict[str, tuple[Callable[[], bytes], str]] = {
     "beyond.obj": (lambda: b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "indices"),
     "backwards.obj": (lambda: b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -9\n", "line 4"),
     "huge-index.obj": (lambda: b"v 0 0 0\nf 1 1 99999999999999999999\n", "line 2"),
+    "wide.obj": (lambda: "v 0 0 0\nf 1 1 1\n".encode("utf-16"), "UTF-16"),
     "points.obj": (lambda: b"v 0 0 0\nv 1 0 0\n", "no faces"),
     "flat.obj": (lambda: b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "area"),
     "speck.obj": (lambda: b"v 0 0 0\nv 1e-35 0 0\nv 0 1e-35 0\nf 1 2 3\n", "wide"),
@@ -104,13 +128,15 @@ MESHES: dict[str, tuple[Callable[[], bytes], str]] = {
         lambda: ply("element face 1\n" + LISTS, struct.pack("<Iiii", 4_000_000_000, 0, 1, 2)),
         "not a readable ply",
     ),
+    "points.ply": (lambda: ply("comment no faces", b""), "3 points but no faces"),
+    "strips.ply": (lambda: ply("element tristrips 1\n" + LISTS, bytes(16)), "triangle strips"),
     "headless.ply": (lambda: b"ply\nformat ascii 1.0\n", "no PLY header"),
-    "cut.stl": (lambda: _ball("stl")[:1000], "claims 80 triangles"),
+    "cut.stl": (lambda: ball("stl")[:1000], "claims 80 triangles"),
     "claims.stl": (lambda: bytes(80) + struct.pack("<I", 4_000_000_000), "claims 4000000000 triangles"),
-    "cut-text.stl": (lambda: _ball("stl_ascii")[:500], "endsolid"),
+    "cut-text.stl": (lambda: ball("stl_ascii")[:500], "endsolid"),
     "cut.off": (lambda: b"OFF\n3 1 0\n0 0 0\n1 0 0\n", "not a readable off"),
     "past.gltf": (lambda: gltf(asset={"version": "1.0"}), "glTF 1.0 is not read: convert it to 2.0"),
-    "past.glb": (lambda: glb(gltf(), version=1), "glTF 1 is not read: convert it to 2.0"),
+    "past.glb": (lambda: glb(gltf(), version=1), "past.glb: glTF 1 is not read: convert it to 2.0"),
     "deep.gltf": (lambda: b"[" * 200_000, "nested too deeply"),
     "nan.gltf": (lambda: gltf(nodes=[{"mesh": 0, "translation": [float("nan"), 0, 0]}]), "NaN"),
     "claims.gltf": (
@@ -122,6 +148,9 @@ MESHES: dict[str, tuple[Callable[[], bytes], str]] = {
         lambda: gltf(nodes=[*({"children": [i + 1]} for i in range(400)), {"mesh": 0}]),
         "more than 100 deep",
     ),
+    "no-count.gltf": (lambda: gltf(accessors=[{"type": "VEC3"}]), "'count' is missing"),
+    "no-buffer.gltf": (lambda: gltf(buffers=[{}]), "'byteLength' is missing"),
+    "no-mesh.gltf": (lambda: gltf(nodes=[{"mesh": 7}]), "refers to what is not there"),
     "hidden.gltf": (lambda: gltf(scenes=[{"nodes": []}]), "none in its scene"),
     "lines.gltf": (
         lambda: gltf(meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "mode": 1}]}]),
@@ -147,6 +176,16 @@ UNPAINTABLE: dict[str, tuple[Callable[[], bytes], str]] = {
     "apart.obj": (_apart, "lost in its extent"),
 }
 """Meshes that only their stage can refuse."""
+TOKENS: dict[str, tuple[Callable[[], bytes], str]] = {
+    "nothing.pt": (lambda: b"", "0 bytes"),
+    "page.pt": (lambda: b"<!doctype html>", "no readable torch file"),
+    "cut.pt": (lambda: packed(b"x" * 100)[:60], "no readable torch file"),
+    "bomb.pt": (lambda: packed(bytes(10_000_000)), "packed into"),
+    "header.safetensors": (lambda: struct.pack("<Q", 2**63) + b"{}", "no readable safetensors"),
+    "page.safetensors": (lambda: b"<!doctype html>", "no readable safetensors"),
+    "readme.md": (lambda: b"# hello", "the ending is '.md'"),
+}
+"""What is refused as TOKEN before a stage starts."""
 DRAWINGS: dict[str, tuple[Callable[[], bytes], str]] = {
     "nested.svg": (lambda: svg("<g>" * 500 + BOX + "</g>" * 500), "nests more than 200"),
     "bomb.svg": (

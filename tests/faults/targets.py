@@ -16,13 +16,18 @@ import trimesh
 from PIL import Image, ImageDraw
 from safetensors.numpy import save
 
+from pipeline import arrays
 from pipeline.diffusion.bundle import open_bundle
 from pipeline.diffusion.graphs import open_graph
 from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.token_files import read_token
 from pipeline.diffusion.tokenizer import load_tokenizer
+from pipeline.mesh.coloured import read_coloured
 from pipeline.mesh.mesh import Mesh
 from pipeline.mesh.readers import read_mesh
+from pipeline.nerf.field import FieldShape, LatentField
+from pipeline.nerf.occupancy import Occupancy
+from pipeline.nerf.scene import Scene, load_scene, to_arrays
 from pipeline.options import job as jobs
 from pipeline.options.paint import Prepare
 from pipeline.paint.given_mesh import to_unit_ball
@@ -30,6 +35,7 @@ from pipeline.run.staleness import read_entry
 from pipeline.run.verify import verify
 from pipeline.sketch.reading import read_sketch
 from pipeline.stages import prepare
+from pipeline.training.background import FlatBackground
 from tests.faults import hostile
 from tests.tiny_bundle import write_tiny_bundle
 
@@ -49,6 +55,8 @@ def targets(work: Path) -> dict[str, Target]:
     described = json.loads((model / "bundle.json").read_text())
     (model / "bundle.json").write_text(json.dumps({**described, "files": {}}))
     found = {name: Target(f"case.{name}", seeds, prepare_mesh) for name, seeds in _meshes().items()}
+    found["scene"] = Target("case.npz", [_scene()], load_scene)
+    found["start"] = Target("case.gltf", [hostile.textured_gltf(_pngs()[0])], read_coloured)
     found["svg"] = Target("case.svg", _svgs(), lambda path: read_sketch(path, 0.3))
     found["png"] = Target("case.png", _pngs(), lambda path: read_sketch(path, 0.3))
     vectors = np.random.default_rng(0).standard_normal((2, 16)).astype(np.float32)
@@ -138,6 +146,13 @@ def _meshes() -> dict[str, list[bytes]]:
     found["glb"] = [_bytes(trimesh.Scene({"ball": ball, "box": box}).export(file_type="glb"))]
     found["gltf"] = [hostile.gltf(), hostile.gltf(nodes=[{"children": [1]}, {"mesh": 0, "scale": [1, 2, 3]}])]
     return found
+
+
+def _scene() -> bytes:
+    rng = np.random.default_rng(0)
+    field = LatentField(FieldShape(levels=2, coarsest=2, finest=4, table_log2=6), rng)
+    grid = Occupancy(np.zeros((4, 4, 4), np.float32), np.ones((4, 4, 4), np.bool_))
+    return arrays.pack(to_arrays(Scene(field, grid, FlatBackground(np.zeros((1, 4), np.float32)), 8)))
 
 
 def _svgs() -> list[bytes]:

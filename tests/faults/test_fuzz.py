@@ -10,7 +10,7 @@ from tests.faults import fuzz
 from tests.faults.mutate import mutate
 from tests.faults.targets import Target, targets
 
-CASES = 115
+CASES = 125
 """Five of every format."""
 
 

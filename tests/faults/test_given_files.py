@@ -5,7 +5,7 @@ import pytest
 from tests.faults import hostile
 from tests.faults.door import Door
 
-MESHES, DRAWINGS = hostile.MESHES, hostile.DRAWINGS
+MESHES, DRAWINGS, TOKENS = hostile.MESHES, hostile.DRAWINGS, hostile.TOKENS
 
 
 @pytest.mark.parametrize("name", MESHES)
@@ -20,6 +20,36 @@ def test_a_drawing(door: Door, name: str) -> None:
     make, words = DRAWINGS[name]
     (door.given / name).write_bytes(make())
     door.refused("plan", f"given/{name}", words, SKETCH=f"given/{name}")
+
+
+@pytest.mark.parametrize("name", TOKENS)
+def test_a_token(door: Door, name: str) -> None:
+    make, words = TOKENS[name]
+    (door.given / name).write_bytes(make())
+    door.refused("plan", f"given/{name}", words, TOKEN=f"given/{name}")
+
+
+STARTS = ("nan.obj", "cut.stl", "claims.gltf", "past.glb", "readme.md")
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_a_start(door: Door, name: str) -> None:
+    make, words = MESHES[name]
+    (door.given / name).write_bytes(make())
+    door.refused("plan", f"given/{name}", words, START=f"given/{name}")
+
+
+def test_a_start_that_its_stage_refuses(door: Door) -> None:
+    """Named as it was typed: a run of a stranger, and a mesh without colours."""
+    stranger = door.given / "stranger"
+    stranger.mkdir()
+    (stranger / "job.yaml").write_text(f"prompt: x\nmodel: {door.folder / 'model'}\n")
+    (stranger / "field.npz").write_bytes(hostile.packed(bytes(10_000_000)))
+    assert door.refused("run", START="given/stranger").startswith(
+        "error: given/stranger/field.npz is no scene"
+    )
+    (door.given / "plain.ply").write_bytes(hostile.ball("ply"))
+    assert door.refused("run", START="given/plain.ply").startswith("error: given/plain.ply has no colours")
 
 
 @pytest.mark.parametrize("name", ["thin.obj", "apart.obj"])

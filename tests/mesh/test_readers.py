@@ -1,5 +1,6 @@
 """What people and fuzzers give as a mesh: read as it is, or refused in one line."""
 
+import base64
 import json
 from pathlib import Path
 
@@ -176,6 +177,29 @@ def test_primitives_of_a_mesh_have_the_same_names_every_time(tmp_path: Path) -> 
     assert first.names == second.names
     np.testing.assert_array_equal(first.faces, second.faces)
     np.testing.assert_array_equal(first.vertices, second.vertices)
+
+
+@pytest.mark.parametrize(("mode", "corners"), [(4, [0, 1, 2, 0, 2, 3]), (5, [0, 1, 3, 2]), (6, [0, 1, 2, 3])])
+def test_strips_and_fans_of_gltf_are_their_triangles(tmp_path: Path, mode: int, corners: list[int]) -> None:
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
+    data = square.tobytes() + np.array(corners, np.uint32).tobytes()
+    content = gltf(
+        buffers=[{"byteLength": len(data), "uri": "data:;base64," + base64.b64encode(data).decode()}],
+        bufferViews=[
+            {"buffer": 0, "byteLength": 48},
+            {"buffer": 0, "byteOffset": 48, "byteLength": len(data) - 48},
+        ],
+        accessors=[
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5125, "count": len(corners), "type": "SCALAR"},
+        ],
+        meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "mode": mode}]}],
+    )
+    mesh = read_mesh(save(tmp_path, "a.gltf", content))
+    assert len(mesh.faces) == 2
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    np.testing.assert_array_equal(normals, [[0, 0, 1], [0, 0, 1]], "both face the front, and make a square")
 
 
 FAULTS = {

@@ -1,7 +1,11 @@
 """A scene's file: complete, the same bytes every time, refused when damaged."""
 
 import io
+import json
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -80,3 +84,60 @@ def test_pickled_objects_are_neither_packed_nor_unpacked() -> None:
     np.savez(stream, a=np.array([{}], dtype=object))
     with pytest.raises(ValueError, match="pickle"):
         arrays.unpack(stream.getvalue())
+
+
+CLAIMS: dict[str, Callable[[dict[str, Any]], object]] = {
+    "levels": lambda header: header["field"].update(levels=10**9),
+    "table": lambda header: header["field"].update(table_log2=60),
+    "more": lambda header: header["field"].update(table_log2=22),
+    "cells": lambda header: header["field"].update(finest=-5),
+    "radius": lambda header: header["field"].update(blob_radius=0),
+    "text": lambda header: header["field"].update(coarsest="16"),
+    "samples": lambda header: header.update(samples_per_ray=10**12),
+    "number": lambda header: header.update(field=3),
+    "unknown": lambda header: header["field"].update(depth=3),
+}
+
+
+@pytest.mark.parametrize("name", CLAIMS)
+def test_a_header_that_its_arrays_do_not_keep(tmp_path: Path, name: str) -> None:
+    """Of a stranger's run, as START: memory and kernels go by it."""
+    path = tmp_path / "field.npz"
+    save_scene(path, make_scene())
+    values = arrays.unpack(path.read_bytes())
+    header = json.loads(values["header"].tobytes())
+    CLAIMS[name](header)
+    values["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
+    path.write_bytes(arrays.pack(values))
+    with pytest.raises(InputError, match=r"field\.npz is no scene") as error:
+        load_scene(path)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("shape", [(4, 8, 8), (8, 8), (0, 0, 0)])
+def test_a_grid_that_is_no_cube(tmp_path: Path, shape: tuple[int, ...]) -> None:
+    scene = make_scene()
+    scene.occupancy = Occupancy(np.zeros(shape, np.float32), np.zeros(shape, np.bool_))
+    save_scene(tmp_path / "field.npz", scene)
+    with pytest.raises(InputError, match="occupied cells of shape"):
+        load_scene(tmp_path / "field.npz")
+
+
+def test_arrays_that_claim_more_than_the_file_are_not_unpacked() -> None:
+    alone = io.BytesIO()
+    np.save(alone, np.zeros(3))
+    with pytest.raises(ValueError, match=r"not a readable \.npz archive"):
+        arrays.unpack(alone.getvalue())
+    packed = io.BytesIO()
+    np.savez_compressed(packed, a=np.zeros(10_000_000, np.uint8))
+    with pytest.raises(ValueError, match="is packed"):
+        arrays.unpack(packed.getvalue())
+    plain = io.BytesIO()
+    with zipfile.ZipFile(plain, "w") as archive:
+        head = io.BytesIO()
+        np.lib.format.write_array_header_1_0(
+            head, {"descr": "<f4", "fortran_order": False, "shape": (10**12,)}
+        )
+        archive.writestr("a.npy", head.getvalue() + bytes(64))
+    with pytest.raises(ValueError, match="claim 4000000000000 bytes"):
+        arrays.unpack(plain.getvalue())

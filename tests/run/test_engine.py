@@ -8,7 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.errors import InputError
 from pipeline.files import file_sha256
+from pipeline.run import engine
+from pipeline.run.costs import Cost
+from pipeline.run.plan import Step
 from tests.fake_project import RUN_STAGES, STEPS, Project, kill_group
 
 FAKES = RUN_STAGES[:-1]
@@ -319,3 +323,16 @@ def test_plan_tells_and_writes_nothing(finished: Project) -> None:
     assert rows["embed"][1] == "run"
     assert rows["report"][1] == "run"
     assert snapshot(finished.root) == before
+
+
+def test_what_the_disk_and_the_memory_lack_is_said_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    priced = [(Step("train_nerf", "run", "new"), Cost(70.0, 3000.0))]
+    monkeypatch.setattr(engine, "available_memory_mb", lambda: 2000.0)
+    engine._check_room(tmp_path, priced)
+    assert "about 3000 MB of memory are needed, 2000 MB are free" in capfd.readouterr().err
+    usage = shutil.disk_usage(tmp_path)._replace(free=50 << 20)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage)
+    with pytest.raises(InputError, match="has 50 MB of disk left, a run needs 200 MB: free some"):
+        engine._check_room(tmp_path, priced)

@@ -100,6 +100,14 @@ def test_faces_without_area_and_duplicates_and_open_surfaces_are_painted_too(tmp
     assert np.isfinite(mesh.uv).all()
 
 
+def test_thousands_of_the_same_face_are_unwrapped_once(tmp_path: Path) -> None:
+    """xatlas would take a minute, and make a chart of each."""
+    mesh, metrics = run(tmp_path, box_obj() + "f 1 2 3\n" * 5000)
+    assert len(mesh.faces) == 5012
+    assert metrics["faces_twice"] >= 4999
+    assert metrics["charts"] <= 7
+
+
 def test_a_soup_of_triangles_shares_charts(tmp_path: Path) -> None:
     """Vertices that a file repeats are one for xatlas: a cube has 6 sides, not 12 triangles."""
     box = trimesh.creation.box()

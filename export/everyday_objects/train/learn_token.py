@@ -37,7 +37,7 @@ from pipeline.diffusion.prompts import view_table
 from pipeline.diffusion.tokenizer import ClipTokenizer, load_tokenizer
 from pipeline.diffusion.tokens import LearnedToken, TokenTable, insert_tokens
 from pipeline.errors import InputError
-from pipeline.options.job import bundle_folder
+from pipeline.options.models import bundle_folder
 from pipeline.run.stage import Progress
 
 FORMATS = (".png", ".jpg", ".jpeg", ".webp")
