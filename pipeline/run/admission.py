@@ -8,6 +8,7 @@ from pipeline.diffusion.schedule import load_schedule
 from pipeline.diffusion.tokenizer import load_tokenizer
 from pipeline.errors import InputError
 from pipeline.mesh.file_checks import check_file
+from pipeline.options.formats import asked_formats, check_installed
 from pipeline.options.job import Job, bundle_folder
 from pipeline.options.schema import read_yaml
 from pipeline.run.chain import STAGES
@@ -21,10 +22,11 @@ QUICK = 4 * 2**20
 
 
 def check_job(job: Job) -> None:
-    """Raise InputError for a provider that this onnxruntime lacks, or a file that is no mesh by its name or
-    by its first bytes."""
+    """Raise InputError for a provider that this onnxruntime lacks, a format whose package is missing, or a
+    file that is no mesh by its name or by its first bytes."""
     if job.provider != "cpu":
         provider_chain(job.provider)
+    check_installed(*asked_formats(job.formats))
     if job.mesh:
         check_file(Path(job.mesh))
     if job.sketch:
