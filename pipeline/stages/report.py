@@ -13,6 +13,8 @@ from pipeline.run.stage import Context, execute
 
 FILES = {
     "asset.glb": "the asset: mesh and texture in one file (glTF 2.0)",
+    "asset_lod1.glb": "a quarter of its faces, with albedo.png and normal.png beside it",
+    "asset_lod2.glb": "6 % of its faces, likewise",
     "asset.obj": "the mesh for other programs",
     "asset.mtl": "its material",
     "asset.ply": "the mesh with colours at its vertices and texture coordinates",
