@@ -4,7 +4,7 @@
 # reaches Python through the environment, so neither make nor the shell nor Snakemake reads it. It counts only on
 # the command line: what the environment calls TOKEN or MODEL may be a secret, and is no option of ours.
 USER_VARIABLES := PROMPT NEGATIVE MODEL SEED SEEDS QUALITY JOB OUT THREADS PROFILE RUN SKETCH SIGMA_S MESH PARAM START STRENGTH REFINE TOKEN ONLY PROVIDER \
-	IMAGES NAME CHECKPOINT STORAGE SHAPES GRADIENT PREDICTION UNLIT PIVOT SIZE_M MINUTES VERIFY HOST PORT JOBS
+	IMAGES NAME CHECKPOINT STORAGE SHAPES GRADIENT PREDICTION UNLIT PIVOT SIZE_M FORMATS MINUTES VERIFY HOST PORT JOBS
 $(foreach name,$(USER_VARIABLES),$(eval override $(name) := \
 	$(if $(findstring command line,$(origin $(name))),$$(value $(name)))))
 export $(USER_VARIABLES)

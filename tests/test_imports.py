@@ -59,7 +59,7 @@ ROOMS = [
     ["nerf", "paint"],
     ["diffusion"],
     ["training"],
-    ["sketch"],
+    ["formats", "sketch"],
     ["mesh"],
     ["options"],
     ["kernels"],
@@ -156,10 +156,10 @@ def test_the_runtime_environment_has_neither_diffusers_nor_transformers() -> Non
 
 
 def test_everything_the_pipeline_imports_is_in_the_runtime_environment() -> None:
-    closure, serving = runtime_closure(), runtime_closure("serve")
+    closure, serving, usd = runtime_closure(), runtime_closure("serve"), runtime_closure("usd")
     for path in python_files("pipeline"):
-        # The page and its API are an extra.
-        present = serving if path.parent.name == "server" else closure
+        # The page and its API are an extra, and so is USD.
+        present = {"server": serving, "formats": usd}.get(path.parent.name, closure)
         for name in imported(path) - {"pipeline", *sys.stdlib_module_names}:
             assert DISTRIBUTIONS.get(name, name).replace("_", "-").lower() in present, (path, name)
 

@@ -194,13 +194,16 @@ def test_termination_stops_everything(folder: Path) -> None:
 
 
 def test_refined_goes_on_from_the_trained_scene(folder: Path) -> None:
-    result = make(folder, "runs", REFINE="1")
+    result = make(folder, "runs", REFINE="1", FORMATS="stl,3mf")
     assert result.returncode == 0, result.stderr
     latest = folder / "runs" / "latest"
     reused = [line for line in result.stderr.splitlines() if "reused from" in line]
     assert [line.split(":")[0] for line in reused] == ["embed", "train_nerf"]
     assert "vae_encoder_vjp" in result.stderr, "the tiny bundle lacks it, which is said"
     stages = [entry["stage"] for entry in json.loads((latest / "manifest.json").read_text())["stages"]]
-    assert stages == ["embed", "train_nerf", "refine", "extract", "clean", "unwrap", "bake", "publish"]
+    made = ["extract", "clean", "unwrap", "bake", "publish", "formats"]
+    assert stages == ["embed", "train_nerf", "refine", *made]
+    assert trimesh.load_mesh(latest / "asset.stl").is_watertight
+    assert 'href="asset.3mf"' in (latest / "report.html").read_text()
     (mesh,) = trimesh.load_scene(latest / "asset.glb").geometry.values()
     assert mesh.visual.material.baseColorTexture.size == (128, 128)

@@ -49,16 +49,17 @@ class Part(NamedTuple):
 
 def glb_bytes(
     parts: Sequence[Part],
-    png: bytes | None,
+    png: bytes | str | None,
     material: Material,
     *,
     name: str = "albedo",
-    normal_png: bytes | None = None,
+    normal_png: bytes | str | None = None,
     translation: tuple[float, float, float] = (0.0, 0.0, 0.0),
     double_sided: bool = False,
 ) -> bytes:
     """Return a GLB file of a mesh in named parts that share one material, called `name`; `png`, its
-    base-colour texture (8-bit sRGB), and `normal_png`, its normal map in tangent space, are inside.
+    base-colour texture (8-bit sRGB), and `normal_png`, its normal map in tangent space, are inside; or, where
+    these are names, files beside it.
 
     `translation` moves the whole: float32 positions far from the origin would lose digits, a node's
     translation does not. Vertices at chart borders are repeated: `Part` holds them so.
@@ -104,7 +105,7 @@ def glb_bytes(
         ],
     }
     if images:
-        document |= _textures([(label, file.append(image)) for label, image in images])
+        document |= _textures([_image(label, image, file) for label, image in images])
     document |= file.description()
     return container(document, bytes(file.binary))
 
@@ -127,10 +128,16 @@ def material_properties(material: Material, texture: int | None) -> dict[str, An
     return {"pbrMetallicRoughness": {**colour, **factors}, **unlit}
 
 
-def _textures(views: Sequence[tuple[str, int]]) -> dict[str, Any]:
+def _image(name: str, image: bytes | str, file: _Buffer) -> dict[str, Any]:
+    if isinstance(image, str):
+        return {"name": name, "uri": image}
+    return {"name": name, "mimeType": "image/png", "bufferView": file.append(image)}
+
+
+def _textures(images: list[dict[str, Any]]) -> dict[str, Any]:
     return {
-        "textures": [{"sampler": 0, "source": row} for row in range(len(views))],
-        "images": [{"name": name, "mimeType": "image/png", "bufferView": view} for name, view in views],
+        "textures": [{"sampler": 0, "source": row} for row in range(len(images))],
+        "images": images,
         "samplers": [SAMPLER],
     }
 

@@ -3,8 +3,8 @@
 A job is resolved from, in rising order of precedence: the defaults below (the paper's values where it gives
 them), the quality table, the ``distillation`` section of the model's bundle.json, the YAML file named by
 JOB, and the environment variables PROMPT, NEGATIVE, TOKEN, MODEL, SEED, SEEDS, QUALITY, SKETCH, SIGMA_S,
-REFINE, MESH, PARAM, START, STRENGTH, PROVIDER, UNLIT, PIVOT and SIZE_M. The resolved job is complete: it is
-what a run's job.yaml holds, and its hash names the run's folder.
+REFINE, MESH, PARAM, START, STRENGTH, PROVIDER, UNLIT, PIVOT, SIZE_M and FORMATS. The resolved
+job is complete: it is what a run's job.yaml holds, and its hash names the run's folder.
 
 This module is imported before anything runs, so it imports nothing heavy.
 """
@@ -23,6 +23,7 @@ from pipeline.documents import read_json
 from pipeline.errors import InputError
 from pipeline.options.asset import Bake, Clean, Extract, Publish, Unwrap
 from pipeline.options.distillation import Distillation
+from pipeline.options.formats import asked_formats
 from pipeline.options.models import DEFAULT_MODEL, MODELS, bundle_folder
 from pipeline.options.nerf import Contest, Refinement, SketchField, TrainNerf
 from pipeline.options.paint import BakePaint, Prepare, TrainPaint
@@ -70,9 +71,11 @@ class Job:
     train_paint: TrainPaint = field(default_factory=TrainPaint)
     bake_paint: BakePaint = field(default_factory=BakePaint)
     publish: Publish = field(default_factory=Publish)
+    formats: str = option("", "files beside GLB and OBJ: some of ply, stl, 3mf and usdz, commas between them")
 
     def __post_init__(self) -> None:
         check(self)
+        asked_formats(self.formats)
         for name in ("prompt", "negative", "token", "sketch", "mesh", "start"):
             check_text(name, getattr(self, name))
         if not self.prompt.strip():
@@ -81,7 +84,19 @@ class Job:
             )
 
 
-PLAIN = ["PROMPT", "NEGATIVE", "TOKEN", "MODEL", "QUALITY", "SKETCH", "MESH", "PARAM", "START", "PROVIDER"]
+PLAIN = [
+    "PROMPT",
+    "NEGATIVE",
+    "TOKEN",
+    "MODEL",
+    "QUALITY",
+    "SKETCH",
+    "MESH",
+    "PARAM",
+    "START",
+    "PROVIDER",
+    "FORMATS",
+]
 """Variables that are taken as they stand."""
 
 
@@ -144,6 +159,8 @@ def resolve(
     for name in ("start", "mesh", "sketch"):
         if path := getattr(asked, name):
             given[name] = lasting(path)
+    if asked.formats:
+        given["formats"] = ",".join(asked_formats(asked.formats))
     bundle = _bundle_options(bundle_folder(asked.model, models))
     bundle = {**bundle, **(HAND_OVER if coming else {})}
     job = _merge([QUALITY[asked.quality], bundle, given], environment.get("JOB") or "")

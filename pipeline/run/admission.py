@@ -9,6 +9,7 @@ from pipeline.diffusion.token_checks import check_token
 from pipeline.diffusion.tokenizer import load_tokenizer
 from pipeline.errors import InputError
 from pipeline.mesh.file_checks import check_file
+from pipeline.options.formats import asked_formats, check_installed
 from pipeline.options.job import Job, token_files
 from pipeline.options.models import bundle_folder
 from pipeline.options.schema import read_yaml
@@ -23,10 +24,11 @@ QUICK = 4 * 2**20
 
 
 def check_job(job: Job) -> None:
-    """Raise InputError for a provider that this onnxruntime lacks, or a file that is no mesh, or no learned
-    token, by its name or by its first bytes."""
+    """Raise InputError for a provider that this onnxruntime lacks, a format whose package is missing, or a
+    file that is no mesh, or no learned token, by its name or by its first bytes."""
     if job.provider != "cpu":
         provider_chain(job.provider)
+    check_installed(*asked_formats(job.formats))
     for file in token_files(job.token):
         check_token(file)
     if job.mesh:

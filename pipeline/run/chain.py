@@ -107,18 +107,22 @@ PAINT = (
 )
 """From a text and a mesh to that mesh with colours."""
 
+FORMATS = Stage("formats", ("formats",), lambda job: bool(job.formats))
+"""The same asset in other files, after either."""
+
 REPORT = Stage(
     "report",
     ("prompt", "negative", "token", "model", "sketch", "refine", "mesh", "start", "seed", "seeds", "quality"),
 )
 """The last stage of both."""
 
-STAGES = {stage.name: stage for stage in (*TEXT, *PAINT, REPORT)}
+STAGES = {stage.name: stage for stage in (*TEXT, *PAINT, FORMATS, REPORT)}
 
 
 def stages_of(job: Job) -> list[Stage]:
     """Return the stages of a job's chain in their order, without asking Snakemake, which takes a second."""
-    return [*(stage for stage in (PAINT if job.mesh else TEXT) if stage.asked(job)), REPORT]
+    chain = (*(PAINT if job.mesh else TEXT), FORMATS, REPORT)
+    return [stage for stage in chain if stage.asked(job)]
 
 
 def stage_options(job: Job, name: str) -> dict[str, Any]:

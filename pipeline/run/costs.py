@@ -155,13 +155,20 @@ def bake_paint(work: Work) -> Cost:
     return _baking(work.job.bake_paint, work.latent_size)
 
 
-def publish(work: Work) -> Cost:
+def publish_paint(work: Work) -> Cost:
     """Of the turntable."""
     options = work.job.publish
     return Cost(0.8 + 2e-7 * options.turntable_frames * options.turntable_size**2, 0.0)
 
 
-publish_paint = publish
+def publish(work: Work) -> Cost:
+    """Of the turntable and the levels of detail."""
+    return Cost(publish_paint(work).seconds + 5e-5 * work.job.clean.faces, 0.0)
+
+
+def formats(work: Work) -> Cost:
+    """Of all of them; a surface that has to be closed first takes some seconds more."""
+    return Cost(1.0 + 4e-5 * work.job.clean.faces, 0.0)
 
 
 def prepare(work: Work) -> Cost:

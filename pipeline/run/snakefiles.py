@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
+from pipeline.options.formats import asked_formats
 from pipeline.options.job import Job, token_files
 from pipeline.options.models import bundle_folder
 from pipeline.run.chain import REPORT, stages_of
@@ -44,6 +45,7 @@ def snakemake_config(job: Job, run: Path, threads: int = 1) -> dict[str, str | i
         "stages": "+".join(stage.name for stage in stages_of(job) if stage is not REPORT),
         "param": job.param,
         "normal_map": "yes" if job.bake.normal_map else "no",
+        **({"formats": "+".join(asked_formats(job.formats))} if job.formats else {}),
         **({"tokens": tokens} if tokens else {}),  # Snakemake takes no empty value
         "threads": threads,
     }

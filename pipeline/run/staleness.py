@@ -27,6 +27,7 @@ DISTRIBUTIONS = {
     "PIL": "pillow",
     "igl": "libigl",
     "mapbox_earcut": "mapbox-earcut",
+    "pxr": "usd-core",
     "resvg_py": "resvg-py",
     "skimage": "scikit-image",
     "yaml": "pyyaml",

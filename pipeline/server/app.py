@@ -266,7 +266,7 @@ class _Api:
             made = sorted(
                 path.name for path in folder.glob("*") if path.suffix.lower() in FILES and path.is_file()
             )
-            first = [name for name in made if name.startswith("asset.")]
+            first = [name for name in made if name.startswith(("asset.", "asset_lod"))]
             others = (
                 "albedo.png",
                 "preview.png",

@@ -13,8 +13,14 @@ from pipeline.run.stage import Context, execute
 
 FILES = {
     "asset.glb": "the asset: mesh and texture in one file (glTF 2.0)",
+    "asset_lod1.glb": "a quarter of its faces, with albedo.png and normal.png beside it",
+    "asset_lod2.glb": "6 % of its faces, likewise",
     "asset.obj": "the mesh for other programs",
     "asset.mtl": "its material",
+    "asset.ply": "the mesh with colours at its vertices and texture coordinates",
+    "asset.stl": "the closed surface for printing [mm]",
+    "asset.3mf": "the same with colours, for slicers",
+    "asset.usdz": "the asset for Apple's viewers and USD",
     "albedo.png": "its texture",
     "normal.png": "its normal map (tangent space, MikkTSpace)",
     "preview.png": "eight views and four normal maps",

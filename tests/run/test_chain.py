@@ -15,7 +15,7 @@ from pipeline.run.staleness import ROOT
 def test_every_stage_has_a_file_a_rule_and_a_cost() -> None:
     rules = {
         name
-        for file in ("Snakefile", "Snakefile.paint", "common.smk")
+        for file in ("Snakefile", "Snakefile.paint", "common.smk", "last.smk")
         for name in re.findall(r"^ *rule (\w+):", (ROOT / "pipeline" / file).read_text(), re.MULTILINE)
     }
     files = {path.stem for path in (ROOT / "pipeline" / "stages").glob("*.py")}
@@ -51,4 +51,6 @@ def test_a_job_has_the_stages_that_it_asks_for() -> None:
     assert stages(mesh="a.obj", start="b", refine=True) == [
         "embed", "prepare", "start_paint", "train_paint", "bake_paint", "refine_paint", *painted
     ]  # fmt: skip
+    assert stages(formats="stl") == ["embed", "train_nerf", *made[:-1], "formats", "report"]
+    assert stages(mesh="a.obj", formats="ply")[-3:] == ["publish_paint", "formats", "report"]
     assert stage_options(Job(prompt="x", seed=3), "publish_paint").keys() == {"prompt", "param", "publish"}

@@ -120,6 +120,19 @@ def test_the_snakefile_is_read_as_it_is(tmp_path: Path, present: bool) -> None:
     assert not (tmp_path / "runs").exists()
 
 
+def test_formats_are_made_of_the_asset_of_either_chain(tmp_path: Path) -> None:
+    (tmp_path / "model").mkdir()
+    mesh = tmp_path / "fish.obj"
+    mesh.write_text("")
+    for given in ("", str(mesh)):
+        job = Job(prompt="x", model=str(tmp_path / "model"), mesh=given, formats="3mf,usdz")
+        links = {link.stage: link for link in read_chain(job, tmp_path / "runs" / "x")}
+        assert list(links)[-2:] == ["formats", "report"]
+        assert links["formats"].inputs == {"glb": "asset.glb"}
+        assert links["formats"].outputs == {"as_3mf": "asset.3mf", "as_usdz": "asset.usdz"}
+        assert links["report"].inputs["formats"] == "stages/formats.json"
+
+
 def test_a_sketch_is_a_stage_of_its_own_and_reaches_the_training(tmp_path: Path) -> None:
     (tmp_path / "model").mkdir()
     mesh = tmp_path / "a house.obj"

@@ -15,9 +15,12 @@ from pipeline.options.job import Job
 from pipeline.run.stage import Context
 from pipeline.stages import publish
 from tests import shapes
+from tests.validator import issues
 
 NAMES = {
     "glb": "asset.glb",
+    "lod1": "asset_lod1.glb",
+    "lod2": "asset_lod2.glb",
     "obj": "asset.obj",
     "mtl": "asset.mtl",
     "albedo": "albedo.png",
@@ -121,3 +124,26 @@ def test_the_asset_stands_on_the_floor_in_metres_under_its_name(
     named = [document[what][0]["name"] for what in ("nodes", "meshes", "materials")]
     assert named == ["golden_torus"] * 3
     assert "illum 0" in (folder / "centred" / "asset.mtl").read_text()
+
+
+def test_levels_have_fewer_faces_the_same_place_and_one_texture(
+    folder: Path, metrics: dict[str, Any]
+) -> None:
+    low, high = extents(folder / "first")
+    texture = np.asarray(Image.open(folder / "first" / "albedo.png"))
+    most = [round(share * metrics["faces"]) for share in (0.25, 0.06)]
+    for number, level in enumerate(metrics["levels"], 1):
+        path = folder / "first" / f"asset_lod{number}.glb"
+        assert read_gltf_json(path)["images"] == [{"name": "albedo", "uri": "albedo.png"}]
+        assert path.stat().st_size < 0.4 * (folder / "first" / "asset.glb").stat().st_size
+        (mesh,) = trimesh.load_scene(path).geometry.values()
+        assert len(mesh.faces) == level["faces"] <= 1.5 * most[number - 1]
+        np.testing.assert_allclose(mesh.bounds, [low, high], atol=0.05)
+        visual: Any = mesh.visual
+        np.testing.assert_array_equal(np.asarray(visual.material.baseColorTexture.convert("RGB")), texture)
+        assert 0 <= visual.uv.min() <= visual.uv.max() <= 1
+    first, second = (level["silhouette_iou"] for level in metrics["levels"])
+    assert first > 0.98
+    assert second > 0.9
+    found = issues(folder / "first" / "asset_lod1.glb")
+    assert found["numErrors"] == found["numWarnings"] == 0, found
