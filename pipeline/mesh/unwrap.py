@@ -32,11 +32,12 @@ def unwrap_mesh(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[s
         padding: texels kept free around every chart at that size; less where many charts would leave little
             but padding, and halved until the charts fit, at the least 1. `metrics["padding"]` tells.
     """
-    atlas = xatlas.Atlas()
-    atlas.add_mesh(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))
-    hint = xatlas.PackOptions()
-    hint.resolution = resolution
-    atlas.generate(xatlas.ChartOptions(), hint)
+    atlas = _cut(mesh, resolution, 1.0)
+    if not atlas.chart_count:
+        largest = float(face_areas(mesh).max())
+        if largest <= 0:
+            raise InputError(f"none of {len(mesh.faces)} faces has an area; repair the mesh")
+        atlas = _cut(mesh, resolution, largest**-0.5)
     source, index, uv = atlas[0]
     if not np.array_equal(source[index], mesh.faces):
         raise InputError("xatlas left out or reordered faces: the mesh is degenerate; repair it")
@@ -55,6 +56,17 @@ def unwrap_mesh(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[s
         )
     unwrapped = mesh._replace(uv=(texels / resolution).astype(np.float32), uv_faces=index.astype(np.int32))
     return unwrapped, {"charts": charts, "padding": room, **uv_figures(unwrapped, resolution)}
+
+
+def _cut(mesh: Mesh, resolution: int, scale: float) -> xatlas.Atlas:
+    """Return xatlas' charts of the mesh enlarged by a factor: faces smaller than 1e-7 are none to it, so
+    small things far apart have no chart at their own size."""
+    atlas = xatlas.Atlas()
+    atlas.add_mesh((mesh.vertices * scale).astype(np.float32), mesh.faces.astype(np.uint32))
+    hint = xatlas.PackOptions()
+    hint.resolution = resolution
+    atlas.generate(xatlas.ChartOptions(), hint)
+    return atlas
 
 
 def _pack(

@@ -81,3 +81,16 @@ def test_padding_gives_way_when_the_charts_need_the_room() -> None:
 def test_a_texture_too_small_for_the_charts_is_refused() -> None:
     with pytest.raises(InputError, match=r"do not fit.*unwrap\.resolution"):
         unwrap_mesh(shapes.mesh_of(shapes.chair(), 24), 8, 4)
+
+
+def test_small_things_far_apart_have_charts() -> None:
+    """Each face is smaller than xatlas sees: it made no chart, and a division by their number."""
+    corners = np.array([[0, 0, 0], [1e-4, 0, 0], [0, 1e-4, 0]])
+    vertices = np.concatenate([corners, corners + np.array([1, 0, 0])])
+    made, metrics = unwrap_mesh(Mesh(vertices, np.arange(6, dtype=np.int32).reshape(2, 3)), 128, 2)
+    assert metrics["charts"] == 2
+    assert made.uv is not None
+    assert np.isfinite(made.uv).all()
+    assert metrics["coverage"] > 0.2
+    with pytest.raises(InputError, match="none of 2 faces has an area"):
+        unwrap_mesh(made._replace(vertices=vertices * 0), 128, 2)
