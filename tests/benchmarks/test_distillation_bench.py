@@ -59,7 +59,7 @@ def test_variants_differ_and_are_blue() -> None:
     assert np.abs(shown[0][0] - shown[1][0]).max() > 0.1
     latents, opacity = shown[0]
     red, _, blue = latents[:3, opacity > 0.99]
-    assert (blue > red).mean() > 0.8
+    assert (blue > red).mean() > 0.7  # its cushions are yellow
 
 
 def test_a_turned_scene_shows_from_its_side_what_it_showed_in_front() -> None:

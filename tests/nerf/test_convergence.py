@@ -162,7 +162,7 @@ def test_cooled_steps_are_taken_at_their_pace() -> None:
     """Noise, guidance and rates of steps before and after the scene is found converged."""
     options = TrainNerf(
         steps=400, cameras_per_step=2, timestep_max=0.9, timestep_max_end=0.3, guidance_scale=100.0,
-        guidance_scale_end=10.0, sparsity_weight=0.0, emptiness_weight=0.0, **SMALL,
+        guidance_scale_end=10.0, sparsity_weight=0.0, emptiness_weight=0.0, updates_per_call=1, **SMALL,
     )  # fmt: skip
     asked: list[Batch] = []
 

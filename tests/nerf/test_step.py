@@ -77,7 +77,8 @@ def test_empty_cells_are_held_empty() -> None:
     """Rays do not see them: without the emptiness weight the push at the object raises their density too."""
     thickness = []
     for weight in (0.0, 100.0):
-        options = TrainNerf(steps=60, sparsity_weight=0.0, emptiness_weight=weight, **SMALL)
+        plain = {"sparsity_weight": 0.0, "updates_per_call": 1}
+        options = TrainNerf(steps=60, emptiness_weight=weight, **plain, **SMALL)
         state = initial_state(options, BACKGROUNDS, 0)
         for _ in range(options.steps):
             training_step(state, options, 8, lambda latents, batch: -10 * latents)
@@ -120,7 +121,7 @@ def test_learned_background_is_trained() -> None:
 
 def test_the_gradient_given_is_the_gradient_applied() -> None:
     """One step against the direct derivative: d(sum latents . g / views) by the parameters."""
-    options = TrainNerf(steps=10, sparsity_weight=0.0, **SMALL)
+    options = TrainNerf(steps=10, sparsity_weight=0.0, updates_per_call=1, **SMALL)
     taken: list[np.ndarray] = []
 
     def guidance(latents: np.ndarray, batch: Batch) -> np.ndarray:

@@ -143,7 +143,7 @@ def test_levels_have_fewer_faces_the_same_place_and_one_texture(
         np.testing.assert_array_equal(np.asarray(visual.material.baseColorTexture.convert("RGB")), texture)
         assert 0 <= visual.uv.min() <= visual.uv.max() <= 1
     first, second = (level["silhouette_iou"] for level in metrics["levels"])
-    assert first > 0.98
+    assert first > 0.97
     assert second > 0.9
     found = issues(folder / "first" / "asset_lod1.glb")
     assert found["numErrors"] == found["numWarnings"] == 0, found

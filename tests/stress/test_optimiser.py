@@ -83,7 +83,7 @@ def parameters(state: State) -> dict[str, torch.Tensor]:
 
 def test_without_a_gradient_nothing_moves() -> None:
     """0 / (sqrt(0) + 1e-15) is 0, also for the parameters that no ray reached."""
-    options = TrainNerf(steps=20, **QUIET, **SMALL)
+    options = TrainNerf(steps=20, updates_per_call=1, **QUIET, **SMALL)
     state = initial_state(options, BACKGROUNDS, 0)
     before = parameters(state)
     for _ in range(3):
@@ -95,7 +95,7 @@ def test_without_a_gradient_nothing_moves() -> None:
 @pytest.mark.parametrize("size", [1e-30, 1e-18, 1e-9, 1e9, 1e14])
 def test_gradients_of_any_size_move_by_the_learning_rate(size: float) -> None:
     """Adam's first step does not know the size: not where squares underflow, not where they are enormous."""
-    options = TrainNerf(steps=20, **QUIET, **SMALL)
+    options = TrainNerf(steps=20, updates_per_call=1, **QUIET, **SMALL)
     state = initial_state(options, BACKGROUNDS, 0)
     before = parameters(state)
     training_step(state, options, 4, lambda latents, batch: np.full_like(latents, size))
@@ -124,7 +124,7 @@ def test_a_gradient_too_large_to_be_squared_is_refused_before_the_step() -> None
         require_steppable("x", torch.tensor([0.0, torch.nan, 1e25]), 4)
     require_steppable("x", torch.zeros(0, 4), 4)
 
-    options = TrainNerf(steps=20, **QUIET, **SMALL)
+    options = TrainNerf(steps=20, updates_per_call=1, **QUIET, **SMALL)
     state = initial_state(options, BACKGROUNDS, 0)
     before = copy.deepcopy(parameters(state))
     with pytest.raises(FloatingPointError, match=r"gradient of field\.\w+ .* at step 0"):
