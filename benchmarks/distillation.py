@@ -60,7 +60,7 @@ def settings(seeds: int) -> list[Setting]:
     found = []
     for name, way in WAYS.items():
         if way.alone:
-            budgets = BUDGETS[1:] if name in GRADIENTS else BUDGETS[1:2]
+            budgets: tuple[int, ...] = BUDGETS[1:] if name in GRADIENTS else BUDGETS[1:2]
             if name in DECIDING:
                 budgets = BUDGETS[:2] if name == DECIDING[2] else BUDGETS
             found += [Setting(name, "exact", scene, calls) for scene in EXACT for calls in budgets]

@@ -105,6 +105,7 @@ def test_again_is_nothing_and_quick(folder: Path) -> None:
     assert after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime < 5
 
 
+@pytest.mark.thorough  # and killed in every stage: tests/faults/test_kills.py
 def test_killed_in_training_and_continued_is_the_same_asset(folder: Path) -> None:
     process = subprocess.Popen(
         command(folder, "killed"),

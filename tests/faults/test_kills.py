@@ -73,7 +73,7 @@ def made(run: Path) -> dict[str, str]:
     return {name: file_sha256(run / name) for name in names}
 
 
-@pytest.mark.parametrize("chain", CHAINS)
+@pytest.mark.parametrize("chain", ["text", pytest.param("paint", marks=pytest.mark.thorough)])
 @pytest.mark.parametrize("first", [0, pytest.param(1, marks=pytest.mark.thorough)])
 def test_stopped_in_every_stage(door: Door, chain: str, first: int) -> None:
     signals = (signal.SIGKILL, signal.SIGINT)
