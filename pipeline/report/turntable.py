@@ -1,4 +1,4 @@
-"""The asset turning once: H.264 in MP4, playable by browsers, the same bytes every time."""
+"""The asset turning once: H.264 in MP4, playable by browsers."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def write_turntable(
     wants it).
     """
     size += size % 2
-    # One thread, and no encoder's name or date in the file: the bytes depend on the pictures alone.
+    # One thread, and no encoder's name or date in the file: nearly always the same bytes of the same pictures.
     options = {"movflags": "faststart", "fflags": "+bitexact"}
     with av.open(str(path), "w", format="mp4", options=options) as container:
         stream = container.add_stream(
