@@ -31,7 +31,7 @@ def write_turntable(
     wants it).
     """
     size += size % 2
-    # One thread, and no encoder's name or date in the file: nearly always the same bytes of the same pictures.
+    # One thread, and no encoder's name or date in the file: nearly always the same bytes.
     options = {"movflags": "faststart", "fflags": "+bitexact"}
     with av.open(str(path), "w", format="mp4", options=options) as container:
         stream = container.add_stream(
