@@ -4,7 +4,8 @@
 
 fits the clean latents that a model predicts for held-out objects of a training folder, x0_hat, by
 g blur_w(x_0) + e n: a Gaussian blur of width w [latent pixels], a gain g and white noise n, by noise level.
-What a caption leaves open counts as weakness here. `MEASURED` is what it printed for the bundle of today.
+What a caption leaves open counts as weakness here. `MEASURED` is what it printed for the bundled model after
+16,000 steps of its training; that of 12,800 blurs by up to 0.1 more and has up to 4 % more noise.
 
 Letters: b views, h x w latent pixels.
 """

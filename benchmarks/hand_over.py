@@ -2,7 +2,7 @@
 
     make bench ONLY=hand-over
 
-Oracles: a scene is learned from the ideal denoiser of its *blurred* pictures first (a draft of 100 calls),
+Oracles: a scene is learned from the ideal denoiser of its *blurred* pictures first (a draft of 50 calls),
 then goes on with the exact one, which sets out from the noise level `strength` (options.start.started) with
 that share of 200 calls. `psnr` of held-out views [dB, latents of range 2], `chamfer` [scene units].
 `exact_calls_share`: the share of 200 exact calls after which the views of every scene are as good as after

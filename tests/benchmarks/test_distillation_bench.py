@@ -57,9 +57,9 @@ def test_variants_differ_and_are_blue() -> None:
     camera, flat = orbit_camera(0.3, 1.2, 2.5, 0.7), np.zeros(4)
     shown = [scene.picture(camera, 16, flat) for scene in (first, second)]
     assert np.abs(shown[0][0] - shown[1][0]).max() > 0.1
-    latents, opacity = shown[0]
-    red, _, blue = latents[:3, opacity > 0.99]
-    assert (blue > red).mean() > 0.8
+    for latents, opacity in shown:
+        red, _, blue = latents[:3, opacity > 0.99].mean(1)
+        assert blue > red + 0.3
 
 
 def test_a_turned_scene_shows_from_its_side_what_it_showed_in_front() -> None:
