@@ -10,6 +10,8 @@ none either. (Pixels are compared, which see other places of another shape: 0.5 
 that, before and after.) `normal_noise_ratio` is the mean over the scenes of after to before; Chamfer
 distances [scene units] say what that cost. `normal_error_without_map` and `..._with_map` are the mean angles
 [degrees] between the normals of the published mesh and those of the surface before its faces were made fewer.
+`relit_psnr` is of the makers' objects under another light, from textures with the training light divided out
+(`_relighting`), `relit_psnr_undivided` with it left in [dB].
 `bytes` are of the GLB file without its colours, `seconds` processor time from the raw surface to it.
 """
 
@@ -24,6 +26,7 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter
 
 from benchmarks._ideal import ideal_guidance
+from benchmarks._relighting import relit, summarise_relit
 from benchmarks._tables import markdown
 from benchmarks._trials import RESOLUTION, backgrounds, job_of
 from benchmarks._truths import Truth, analytic_scenes, catalogue_scenes, surface_error, visible_surface
@@ -157,4 +160,6 @@ def main(folder: Path) -> dict[str, Any]:
     rows = [figures(truth, raw_surface(learned(truth, job), job), job) for truth in truths]
     table = markdown([*rows[0]], [[*row.values()] for row in rows])
     (folder / "asset.md").write_text(table, encoding="utf-8")
-    return {"summary": summarise(rows), "scenes": rows}
+    lit = relit()
+    (folder / "relit.md").write_text(markdown([*lit[0]], [[*row.values()] for row in lit]), encoding="utf-8")
+    return {"summary": {**summarise(rows), **summarise_relit(lit)}, "scenes": rows, "relit": lit}

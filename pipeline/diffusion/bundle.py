@@ -142,6 +142,19 @@ def read_json(path: Path) -> dict[str, Any]:
     return documents.read_json(path, "copy or export the bundle again")
 
 
+def training_light(description: Path | None) -> tuple[float, float, float] | None:
+    """Return the unit vector towards the one light of all pictures that a model was trained on, from
+    bundle.json; None where there was no such light, or no file says so."""
+    described = read_json(description) if description else {}
+    if described.get("light") is None or description is None:
+        return None
+    x, y, z = _numbers(description, described, "light", (3,))
+    length = (x * x + y * y + z * z) ** 0.5
+    if not 0.99 < length < 1.01:
+        raise InputError(f"{description}: light has length {length:.3g}, expected 1; export again")
+    return x, y, z
+
+
 def check_graph(folder: Path) -> OnnxFile:
     """Return the outline of `folder/model.onnx`; raises InputError when it cannot work on a CPU.
 

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 from PIL import Image
 
+from pipeline.diffusion.bundle import training_light
+from pipeline.mesh.baking import PADDING
 from pipeline.mesh.gltf import Part, glb_bytes
 from pipeline.mesh.levels import SHARES, coarser
 from pipeline.mesh.materials import material_of, mtl_text, object_name
 from pipeline.mesh.mesh import Mesh, bounding_radius, read_obj, split_seams, write_obj
 from pipeline.mesh.placing import placed
+from pipeline.mesh.shading import without_light
 from pipeline.mesh.silhouettes import comparison_cameras, mean_iou, silhouettes
 from pipeline.mesh.tangents import vertex_tangents
 from pipeline.mesh.topology import topology
@@ -36,7 +39,13 @@ def main(context: Context) -> None:
     mesh = read_obj(context.inputs["mesh"])
     with Image.open(context.inputs["albedo"], formats=["PNG"]) as opened:
         albedo = opened.convert("RGB")
-    shade = albedo_shade(mesh, np.asarray(albedo, np.float32) / 255)
+    texture = np.asarray(albedo, np.float32) / 255
+    shade = albedo_shade(mesh, texture)
+    towards = training_light(context.inputs.get("description"))
+    if towards is not None and not options.unlit:  # unlit, its light is all that it has
+        texture, light = without_light(mesh, texture, np.array(towards), PADDING)
+        albedo = Image.fromarray(np.round(255 * texture).astype(np.uint8))
+        context.metrics["light_divided_out"] = {k: round(v, 3) for k, v in light._asdict().items()}
 
     write_png(outputs["albedo"], albedo)
     name = object_name(context.job.prompt)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks._relighting import relighting, summarise_relit
 from benchmarks.asset import normal_noise, summarise
 from pipeline.mesh.mesh import Mesh, vertex_normals
 from tests import shapes
@@ -54,3 +55,9 @@ def test_the_summary_is_of_all_scenes_that_have_a_figure() -> None:
     assert found["worst_chamfer_ratio"] == 1.1
     assert found["scenes"] == 2
     assert summarise([nowhere])["normal_noise_ratio"] is None
+
+
+def test_an_object_without_its_training_light_is_nearer_to_the_truth_under_another() -> None:
+    row = relighting(0)
+    assert row["relit_psnr_exact_normals"] > row["relit_psnr_made_normals"] > row["relit_psnr_undivided"] + 3
+    assert summarise_relit([row])["relit_worse"] == 0

@@ -1,4 +1,6 @@
 import dataclasses
+import io
+import json
 from pathlib import Path
 from typing import Any
 
@@ -7,8 +9,11 @@ import pytest
 import trimesh
 from PIL import Image
 
+from pipeline.errors import InputError
 from pipeline.mesh.file_checks import read_gltf_json
 from pipeline.mesh.mesh import read_obj, write_obj
+from pipeline.mesh.shading import Light, shade
+from pipeline.mesh.texture import paint, surface_texels
 from pipeline.mesh.topology import topology
 from pipeline.mesh.unwrap import unwrap_mesh
 from pipeline.options.job import Job
@@ -29,14 +34,21 @@ NAMES = {
 }
 
 
-def run(folder: Path, out: str, prompt: str = "a torus", **more: Any) -> dict[str, Any]:
+def run(
+    folder: Path, out: str, prompt: str = "a torus", light: list[float] | None = None, **more: Any
+) -> dict[str, Any]:
     (folder / out).mkdir()
     job = Job(prompt=prompt)
     small = {"preview_size": 48, "turntable_size": 48, "turntable_frames": 4, **more}
     options = dataclasses.replace(job.publish, **small)
+    inputs = {"mesh": folder / "mesh_uv.obj", "albedo": folder / "albedo_baked.png"}
+    if light:
+        inputs["description"] = folder / out / "bundle.json"
+        inputs["description"].write_text(json.dumps({"light": light}))
+        inputs["albedo"] = folder / "albedo_lit.png"
     context = Context(
         dataclasses.replace(job, publish=options),
-        {"mesh": folder / "mesh_uv.obj", "albedo": folder / "albedo_baked.png"},
+        inputs,
         {key: folder / out / name for key, name in NAMES.items()},
         folder / "scratch",
     )
@@ -147,3 +159,21 @@ def test_levels_have_fewer_faces_the_same_place_and_one_texture(
     assert second > 0.9
     found = issues(folder / "first" / "asset_lod1.glb")
     assert found["numErrors"] == found["numWarnings"] == 0, found
+
+
+def test_the_light_of_the_training_pictures_is_divided_out_where_a_viewer_adds_its_own(folder: Path) -> None:
+    mesh = read_obj(folder / "mesh_uv.obj")
+    texels = surface_texels(mesh, 128)
+    towards = np.array([0.0, 0.8, 0.6])
+    lit = 0.4 * shade(texels.normal, towards, Light(0.6, 0.4, 1.0))[:, None] * np.ones(3)
+    texture = paint(lit.astype(np.float32), texels, 8)
+    Image.fromarray(np.round(255 * texture).astype(np.uint8)).save(folder / "albedo_lit.png")
+    found = run(folder, "divided", light=[0.0, 0.8, 0.6])
+    assert found["light_divided_out"]["explained"] > 0.9
+    values = np.asarray(Image.open(folder / "divided" / "albedo.png")).reshape(-1, 3)[texels.place]
+    assert np.ptp(values.astype(int), axis=0).max() < 20 < 100 * np.ptp(lit)
+    assert "light_divided_out" not in run(folder, "kept", light=[0.0, 0.8, 0.6], unlit=True)
+    before, after = ((folder / f"{name}").read_bytes() for name in ("albedo_lit.png", "kept/albedo.png"))
+    np.testing.assert_array_equal(*(np.asarray(Image.open(io.BytesIO(data))) for data in (before, after)))
+    with pytest.raises(InputError, match="light has length 2, expected 1"):
+        run(folder, "wrong", light=[0.0, 2.0, 0.0])

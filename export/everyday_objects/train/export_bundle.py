@@ -20,6 +20,7 @@ from export.encoder_vjp import export_encoder_vjp
 from export.everyday_objects.data.captions import known_words
 from export.everyday_objects.data.kinds import KINDS
 from export.everyday_objects.data.pictures import DISTANCES, FOVS, IMAGE_SIZE, POLARS, draw_object
+from export.everyday_objects.data.render import TOWARDS
 from export.everyday_objects.data.shapes import RADIUS
 from export.everyday_objects.networks.autoencoder import FACTOR, LATENT_CHANNELS, Decoder, Encoder
 from export.everyday_objects.networks.denoiser import CAMERA, Denoiser
@@ -245,6 +246,7 @@ def export_bundle(work: Path, folder: Path) -> None:
             "views": networks[2].views,
             "distillation": DISTILLATION,
             "painting": PAINTING,
+            "light": [round(float(x), 4) for x in TOWARDS],
             "known_words": known_words(),
             "nouns": [k.words[0] for k in KINDS],
             "latent_to_rgb": [[round(float(v), 6) for v in row] for row in matrix],
