@@ -74,6 +74,7 @@ def test_again_is_nothing_and_plan_knows(folder: Path) -> None:
     assert "nothing would run" in make(folder, "runs", "plan").stdout
 
 
+@pytest.mark.thorough  # killed in every stage: tests/faults/test_kills.py
 def test_killed_on_the_way_and_continued_is_the_same_asset(folder: Path) -> None:
     process = subprocess.Popen(
         command(folder, "killed"), cwd=ROOT, env=clean_environment(), stderr=subprocess.PIPE,

@@ -96,6 +96,7 @@ def finish(
     return state
 
 
+@pytest.mark.thorough
 def test_training_ends_early_and_a_resumed_one_just_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
