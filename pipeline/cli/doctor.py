@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -26,6 +27,7 @@ from pipeline.options import job as jobs
 from pipeline.options.models import DEFAULT_MODEL, known_models
 from pipeline.run import engine
 from pipeline.run.estimate import available_memory_mb
+from pipeline.run.failures import install_hint
 
 ROOM_MB = 2_000
 """Memory that a draft takes with room to spare [MB]."""
@@ -57,6 +59,7 @@ def checks(out: Path, usable_cores: int) -> Iterator[Finding]:
     """Give a finding a thing that a run depends on; `out`: where runs are kept."""
     yield _python()
     yield from _packages()
+    yield from _libraries()
     yield from _processor(usable_cores)
     yield _memory()
     yield _disk(out)
@@ -117,6 +120,15 @@ def _packages() -> Iterator[Finding]:
             f"{torch} with {len(cuda)} CUDA packages, which nothing here uses",
             "the README has the command for the build without them; it saves some gigabytes",
         )
+
+
+def _libraries() -> Iterator[Finding]:
+    """Load the packages that need libraries of the system."""
+    for name in ("pymeshlab", "cv2", "av"):
+        try:
+            import_module(name)
+        except ImportError as error:
+            yield Finding("wrong", "libraries", f"{name}: {error}", install_hint())
 
 
 def _within(version: str, bounds: str) -> bool:

@@ -12,6 +12,8 @@ from pipeline.options.models import bundle_folder
 
 _NO_REASON = ("Using profile", "host: ", "Building DAG", "Assuming unrestricted")
 """Beginnings of lines that Snakemake writes in any case."""
+SYSTEM_PACKAGES = "libgl1 libopengl0"
+"""What pymeshlab loads and a minimal Debian does not have."""
 
 
 class StageFailure(Exception):
@@ -31,11 +33,20 @@ def failure(job: Job, run: Path) -> InputError | StageFailure:
     log = run / "logs" / "snakemake.log"
     said = log.read_text(encoding="utf-8", errors="replace").splitlines() if log.is_file() else []
     said = [line.strip() for line in said if line.strip() and not line.startswith(_NO_REASON)]
+    if lacked := [line for line in said if line.startswith("ImportError: ") and "shared object" in line]:
+        return InputError(
+            f"{lacked[-1].removeprefix('ImportError: ')}; {install_hint()}, then the same command again"
+        )
     silent = "Traceback (most recent call last):" in said or not said
     word = f"a stage ended without a word (killed, or out of memory{memory_limit()})" if silent else said[-1]
     return StageFailure(
         f"{word}; see {log.parent}/, then give the same command again: it goes on where it stopped"
     )
+
+
+def install_hint() -> str:
+    """Return what to do about a library of the system that is not there."""
+    return f"a library of the system is missing: on Debian, apt-get install {SYSTEM_PACKAGES}"
 
 
 def memory_limit() -> str:

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.errors import InputError
 from pipeline.options.job import Job
-from pipeline.run.failures import as_typed
+from pipeline.run.failures import as_typed, failure
 
 
 def test_paths_of_a_stage_are_those_that_were_typed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -31,3 +32,16 @@ def test_paths_of_a_stage_are_those_that_were_typed(tmp_path: Path, monkeypatch:
         (other, "field.npz is no scene", f"{run}/field.npz is no scene"),
     ):
         assert as_typed(said, job, run) == typed
+
+
+def test_a_missing_library_of_the_system_is_named(tmp_path: Path) -> None:
+    (tmp_path / "stages").mkdir()
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "logs" / "snakemake.log").write_text(
+        "Traceback (most recent call last):\n    import pymeshlab\n"
+        "ImportError: libGL.so.1: cannot open shared object file: No such file\nUsing profile x\n"
+    )
+    found = failure(Job(prompt="x"), tmp_path)
+    assert isinstance(found, InputError)
+    assert str(found).startswith("libGL.so.1: cannot open shared object file")
+    assert "apt-get install libgl1 libopengl0" in str(found)
