@@ -123,5 +123,5 @@ def _wrapped(text: str, font: Any) -> list[str]:
     for line in lines:
         while line and font.getlength(line) > TILE:
             line = line[:-2] + "…"
-        kept.append(line)
+        kept.append(line.replace("\u00a0", " "))  # only keeps words together; the font has no glyph for it
     return kept

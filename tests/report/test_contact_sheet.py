@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageFont
 
-from pipeline.report.contact_sheet import GAP, TEXT, TILE, sheet, table, write_overview
+from pipeline.report.contact_sheet import GAP, TEXT, TILE, _caption, _wrapped, sheet, table, write_overview
 
 
 def write_run(out: Path, name: str, colour: tuple[int, int, int]) -> Path:
@@ -34,6 +34,16 @@ def test_every_picture_is_in_its_place() -> None:
     assert page.size == (8 * (TILE + GAP) + GAP, 2 * (TILE + TEXT + GAP) + GAP)
     middle = [page.getpixel((GAP + n * (TILE + GAP) + TILE // 2, GAP + 20)) for n in range(4)]
     assert middle == [(255, 0, 0), (0, 128, 0), (0, 0, 255), (255, 255, 255)]
+
+
+def test_captions_are_drawn_in_glyphs_that_the_font_has() -> None:
+    font = ImageFont.load_default(13)
+    lacking = bytes(font.getmask("\ue000"))
+    lines = _wrapped(_caption({"prompt": "a chair " * 20, "seed": 3, "clean.faces": 5000}), font)
+    assert len(lines) == 2
+    short = _wrapped(_caption({"prompt": "a chair", "seed": 3}), font)
+    assert short == ["a chair, seed 3"]
+    assert all(bytes(font.getmask(letter)) != lacking for line in lines + short for letter in line)
 
 
 def test_an_overview_shows_what_was_made_and_says_what_was_not(tmp_path: Path) -> None:
