@@ -5,6 +5,7 @@ Letters: f faces, t texture points.
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,23 @@ FULL = 0.95  # share of the texture that charts and their padding would fill at 
 SHRINK = 0.985  # least step by which the scale falls while the charts do not fit
 TRIES = 60
 MANY = 2000  # so many charts take a second a try: fewer tries count for more than the last percent of space
+SMALL = 50_000  # faces up to which an atlas is kept for a while
 ROOM = 8  # charts are at least so many paddings wide, on average: narrower ones would be all padding
+
+_recent: deque[xatlas.Atlas] = deque(maxlen=16)
+
+
+def _atlas(faces: int) -> xatlas.Atlas:
+    """Return an empty atlas that outlives the next ones.
+
+    To destroy one ends its threads, and waits for ever for one that is just about to wait for work: xatlas'
+    TaskScheduler tells it outside the lock. Some atlases later they all wait. With many faces the last part
+    of the packing, which is one thread's, gives them that time.
+    """
+    atlas = xatlas.Atlas()
+    if faces <= SMALL:
+        _recent.append(atlas)
+    return atlas
 
 
 def unwrap_mesh(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[str, Any]]:
@@ -61,7 +78,7 @@ def unwrap_mesh(mesh: Mesh, resolution: int, padding: int) -> tuple[Mesh, dict[s
 def _cut(mesh: Mesh, resolution: int, scale: float) -> xatlas.Atlas:
     """Return xatlas' charts of the mesh enlarged by a factor: faces smaller than 1e-7 are none to it, so
     small things far apart have no chart at their own size."""
-    atlas = xatlas.Atlas()
+    atlas = _atlas(len(mesh.faces))
     atlas.add_mesh((mesh.vertices * scale).astype(np.float32), mesh.faces.astype(np.uint32))
     hint = xatlas.PackOptions()
     hint.resolution = resolution
@@ -85,7 +102,7 @@ def _pack(
     # Squares of equal size, each with its padding on two sides.
     scale = (resolution * np.sqrt(FULL) - padding * np.sqrt(charts)) / np.sqrt(area)
     for _ in range(TRIES):
-        atlas = xatlas.Atlas()
+        atlas = _atlas(len(index))
         atlas.add_uv_mesh(flat.astype(np.float32), index.astype(np.uint32))
         pack = xatlas.PackOptions()
         pack.padding = padding

@@ -4,6 +4,7 @@ from scipy.ndimage import label
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
+from pipeline.mesh import unwrap
 from pipeline.mesh.mesh import Mesh
 from pipeline.mesh.texture import surface_texels
 from pipeline.mesh.unwrap import unwrap_mesh, uv_figures
@@ -94,3 +95,11 @@ def test_small_things_far_apart_have_charts() -> None:
     assert metrics["coverage"] > 0.2
     with pytest.raises(InputError, match="none of 2 faces has an area"):
         unwrap_mesh(made._replace(vertices=vertices * 0), 128, 2)
+
+
+def test_no_atlas_is_destroyed_right_after_its_work() -> None:
+    # Its threads may not yet wait for work, and would then be waited for without end.
+    unwrap._recent.clear()
+    unwrap_mesh(shapes.mesh_of(shapes.ball(0.5), 12), 128, 2)
+    assert len(unwrap._recent) >= 2, "charts are cut in one, packed in others"
+    assert all(atlas.chart_count for atlas in unwrap._recent)
