@@ -1,3 +1,7 @@
+import os
+import signal
+import time
+
 import numpy as np
 import pytest
 from scipy.ndimage import label
@@ -103,3 +107,26 @@ def test_no_atlas_is_destroyed_right_after_its_work() -> None:
     unwrap_mesh(shapes.mesh_of(shapes.ball(0.5), 12), 128, 2)
     assert len(unwrap._recent) >= 2, "charts are cut in one, packed in others"
     assert all(atlas.chart_count for atlas in unwrap._recent)
+
+
+def test_a_fork_does_not_wait_for_the_threads_of_its_parent() -> None:
+    mesh = shapes.mesh_of(shapes.ball(0.5), 12)
+    unwrap_mesh(mesh, 128, 2)
+    assert unwrap._recent
+    child = os.fork()
+    if child == 0:
+        try:
+            unwrap._recent.clear()  # what sixteen more atlases would do
+            unwrap_mesh(mesh, 128, 2)
+            os._exit(0)
+        finally:
+            os._exit(1)
+    ended, until = 0, time.monotonic() + 60
+    while not ended and time.monotonic() < until:
+        ended, status = os.waitpid(child, os.WNOHANG)
+        time.sleep(0.01)
+    if not ended:
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        pytest.fail("the fork waits for ever")
+    assert os.waitstatus_to_exitcode(status) == 0
