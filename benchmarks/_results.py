@@ -78,8 +78,11 @@ def mesh_of_run(run: Path) -> Mesh:
 
 
 def texture_of_run(run: Path) -> Float[np.ndarray, "s s 3"]:
-    """Return the texture of a finished run, sRGB in [0, 1]."""
-    with Image.open(run / "albedo.png", formats=["PNG"]) as image:
+    """Return the texture of a finished run as its preview shows it, sRGB in [0, 1]: with the light that the
+    model painted, which `albedo.png` leaves to the viewer's.
+    """
+    refined = run / "albedo_refined.png"
+    with Image.open(refined if refined.is_file() else run / "albedo_baked.png", formats=["PNG"]) as image:
         return np.asarray(image.convert("RGB"), np.float32) / 255
 
 
@@ -91,7 +94,7 @@ def six_cameras(mesh: Mesh) -> list[Camera]:
 
 
 def views_of_run(run: Path, size: int) -> UInt8[np.ndarray, "6 p p 3"]:
-    """Return the six views of a finished run, unlit and antialiased as in its preview."""
+    """Return the six views of a finished run, lit and antialiased as in its preview."""
     mesh = mesh_of_run(run)
     shade = albedo_shade(mesh, texture_of_run(run))
     return np.stack(

@@ -15,6 +15,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from benchmarks._pool import at_once
+from benchmarks._results import mesh_of_run, texture_of_run
 from export.everyday_objects.data.colours import COLOURS
 from export.everyday_objects.data.kinds import BY_WORD
 from export.everyday_objects.data.materials import MATERIALS
@@ -35,7 +36,6 @@ from pipeline.diffusion import sessions
 from pipeline.diffusion.bundle import Bundle, open_bundle
 from pipeline.diffusion.tokenizer import load_tokenizer
 from pipeline.diffusion.view_gradient import told_cameras
-from pipeline.mesh.mesh import read_obj
 from pipeline.options import job as jobs
 from pipeline.options.models import bundle_folder
 from pipeline.progress import Progress
@@ -156,11 +156,9 @@ def psnr_heldout(bundle: Bundle) -> float:
 
 
 def views_of_run(run: Path, size: int = TILE) -> np.ndarray:
-    """Eight pictures (8, size, size, 3) uint8 around the asset of a finished run."""
-    mesh = read_obj(run / "mesh_uv.obj")
-    with Image.open(run / "albedo.png", formats=["PNG"]) as image:
-        texture = np.asarray(image.convert("RGB"), np.float32) / 255
-    shade = albedo_shade(mesh, texture)
+    """Eight pictures (8, size, size, 3) uint8 around the asset of a finished run, as in its preview."""
+    mesh = mesh_of_run(run)
+    shade = albedo_shade(mesh, texture_of_run(run))
     return np.stack([to_bytes(picture(mesh, camera, size, shade, 3)) for camera in turn(mesh, 8)])
 
 

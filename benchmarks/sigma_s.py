@@ -20,6 +20,7 @@ from PIL import Image
 from trimesh import Trimesh
 from trimesh.sample import sample_surface
 
+from benchmarks._results import texture_of_run
 from pipeline.cameras import Camera, orbit_camera
 from pipeline.mesh.mesh import Mesh, read_obj, read_ply
 from pipeline.options.job import resolve
@@ -82,11 +83,8 @@ def camera() -> Camera:
 def tile(run: Path) -> list[Float[np.ndarray, "p p 3"]]:
     """Return a finished run's asset, in its colours and as normals."""
     mesh = read_obj(run / "mesh_uv.obj")
-    with Image.open(run / "albedo.png", formats=["PNG"]) as image:
-        texture = np.asarray(image.convert("RGB"), np.float32) / 255
-    return [
-        picture(mesh, camera(), TILE, shade, 3) for shade in (albedo_shade(mesh, texture), normal_shade(mesh))
-    ]
+    shades = albedo_shade(mesh, texture_of_run(run)), normal_shade(mesh)
+    return [picture(mesh, camera(), TILE, shade, 3) for shade in shades]
 
 
 def sketch_tile(run: Path) -> Float[np.ndarray, "p p 3"]:

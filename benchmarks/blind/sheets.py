@@ -14,10 +14,10 @@ from export.everyday_objects.data.colours import COLOURS
 from export.everyday_objects.data.kinds import KINDS
 from export.everyday_objects.data.materials import MATERIALS
 
-TILE = 160
+TILE = 224
 """Side of a view [pixels]."""
-A_SHEET, COLUMNS = 12, 2
-"""Results of a sheet, in so many columns."""
+A_SHEET, COLUMNS = 6, 1
+"""Results of a sheet, in so many columns: viewers that show 1,500 pixels at most need not shrink it."""
 HEADING, GAP = 26, 16
 """Above each result, for its number, and beside it [pixels]."""
 PLAIN = "plain"
