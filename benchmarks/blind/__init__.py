@@ -4,7 +4,8 @@
     python -m benchmarks.blind score FOLDER [--answers answers.csv ...]
 
 `make` makes results of every kind through the front door and writes into FOLDER uncaptioned sheets in random
-order, `questions.md` for the namers, who get these two alone, and `key.json`, which they must not see.
+order, `questions.md` and `kinds.txt` for the namers, who get these three alone, and `key.json`, which they
+must not see.
 `score` compares their answers with the key. It is no benchmark that `make bench` could run: people, or models
 that look at pictures, take part.
 """

@@ -11,7 +11,16 @@ from benchmarks._pool import at_once
 from benchmarks._results import make_result
 from benchmarks.blind.prompts import Asked, draw_prompts
 from benchmarks.blind.scoring import read_answers, score, score_table
-from benchmarks.blind.sheets import TILE, Entry, draw_sheets, key_text, numbered, questions, read_key
+from benchmarks.blind.sheets import (
+    TILE,
+    Entry,
+    draw_sheets,
+    key_text,
+    kinds_text,
+    numbered,
+    questions,
+    read_key,
+)
 from export.everyday_objects.data.kinds import BY_WORD, KINDS
 from pipeline.errors import InputError
 
@@ -80,6 +89,7 @@ def make(folder: Path, asked: Sequence[tuple[Asked, int]], variables: dict[str, 
         for (one, seed), result in zip(asked, results, strict=True)
     ]
     (folder / "questions.md").write_text(questions(len(entries)), encoding="utf-8")
+    (folder / "kinds.txt").write_text(kinds_text(), encoding="utf-8")
     (folder / "key.json").write_text(key_text(entries), encoding="utf-8")
     failed = [f"{entry.prompt}, seed {entry.seed}: {entry.fault}" for entry in entries if entry.fault]
     print("\n".join([f"{len(entries)} results in {folder}, {len(failed)} of them empty", *failed]))

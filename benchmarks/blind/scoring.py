@@ -122,7 +122,7 @@ def read_line(cells: Sequence[str]) -> Answer | str:
     if not name:
         return "name is empty, expected words of your own"
     if kind.lower() not in by_lower:
-        return f"kind {kind!r} is none of the list in questions.md"
+        return f"kind {kind!r} is none of the list in kinds.txt"
     if colour.lower() not in COLOURS:
         return f"colour {colour!r} is none of {', '.join(COLOURS)}"
     if material.lower() not in (PLAIN, *MATERIALS):

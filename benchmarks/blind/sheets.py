@@ -16,7 +16,7 @@ from export.everyday_objects.data.materials import MATERIALS
 
 TILE = 224
 """Side of a view [pixels]."""
-A_SHEET, COLUMNS = 6, 1
+A_SHEET, COLUMNS = 5, 1
 """Results of a sheet, in so many columns: viewers that show 1,500 pixels at most need not shrink it."""
 HEADING, GAP = 26, 16
 """Above each result, for its number, and beside it [pixels]."""
@@ -83,14 +83,14 @@ def read_key(text: str) -> dict[int, Entry]:
 
 def questions(count: int) -> str:
     """Return what a namer of the results 1 to `count` is asked; it tells nothing about any of them."""
-    kinds = sorted((kind.words[0] for kind in KINDS), key=str.lower)
     sheets = -(-count // A_SHEET)
     return f"""# What do you see?
 
 `sheet-01.png` to `sheet-{sheets:02d}.png` show {count} things, {A_SHEET} a sheet, each under its number: six
 views of the same thing, from left to right {", ".join(VIEWS)}. Look at nothing
-but these sheets. Each thing was made from a text by a program; some came out badly, and a kind may come more
-than once. An empty strip is a thing of which nothing came out.
+but these sheets, and at `kinds.txt` not before you have named the things. Each thing was made from a text by
+a program; some came out badly, and a kind may come more than once. An empty strip is a thing of which nothing
+came out.
 
 Write `answers.csv`, with this line first and then one line for every number from 1 to {count}:
 
@@ -99,13 +99,17 @@ Write `answers.csv`, with this line first and then one line for every number fro
 | column | what to write |
 |---|---|
 | number | the number above the thing |
-| name | what it is, in your own words, before you look at the list below; `nothing` if you cannot tell |
-| kind | which of the kinds below it is; your best guess if you cannot tell |
+| name | what it is, in your own words; `nothing` if you cannot tell |
+| kind | which of the kinds in `kinds.txt` it is; your best guess if you cannot tell |
 | colour | its main colour, one of: {", ".join(COLOURS)} |
 | material | `{PLAIN}`, or what it is made of or covered with, one of: {", ".join(MATERIALS)} |
 | rating | 1 scrap, 2 poor, 3 usable at a distance, 4 good, 5 a good asset for a game: a whole number |
 
 What holds a comma stands in double quotes. An example: `0,a small wooden chair,chair,brown,wooden,3`
-
-The kinds: {", ".join(kinds)}.
 """
+
+
+def kinds_text() -> str:
+    """Return kinds.txt: the list that a kind is chosen from, a line each. A file of its own, so that who
+    reads the questions has not seen it when naming freely."""
+    return "".join(f"{word}\n" for word in sorted((kind.words[0] for kind in KINDS), key=str.lower))

@@ -27,6 +27,7 @@ from benchmarks.blind.sheets import (
     Entry,
     draw_sheets,
     key_text,
+    kinds_text,
     numbered,
     questions,
     read_key,
@@ -83,19 +84,21 @@ def test_every_prompt_comes_with_every_seed_in_another_order() -> None:
     assert pairs == numbered(prompts, 2)
 
 
-def test_sheets_hold_twelve_results_and_their_names_tell_numbers_only() -> None:
+def test_sheets_hold_some_results_and_their_names_tell_numbers_only() -> None:
     pages = draw_sheets([nothing(16)] * (A_SHEET + 1))
     assert list(pages) == ["sheet-01.png", "sheet-02.png"]
-    assert pages["sheet-01.png"].height == 6 * pages["sheet-02.png"].height
+    assert pages["sheet-01.png"].height == A_SHEET * pages["sheet-02.png"].height
     assert not pages["sheet-01.png"].info
     assert np.asarray(pages["sheet-02.png"]).min() < 100, "the number is missing"
 
 
-def test_questions_list_all_there_is_and_no_prompt() -> None:
-    text = questions(30)
-    assert all(word in text for word in (*BY_WORD, *COLOURS, *MATERIALS, HEADER))
+def test_questions_list_all_there_is_but_kinds_and_no_prompt() -> None:
+    text = questions(2 * A_SHEET + 1)
+    assert all(word in text for word in (*COLOURS, *MATERIALS, HEADER))
     assert "sheet-03.png" in text
     assert "sheet-04.png" not in text
+    assert sorted(kinds_text().splitlines()) == sorted(kind.words[0] for kind in KINDS)
+    assert not [word for word in ("sofa", "horse", "airplane") if word in text]
     assert not [asked.prompt for asked in draw_prompts(0) if " " in asked.kind and asked.prompt in text]
 
 
@@ -151,7 +154,7 @@ def test_further_words_are_of_kinds() -> None:
     [
         ("7,x,sofa,red,plain,3", "a.csv:2: number '7' is on no sheet, expected 1 to 2"),
         ("x,x,sofa,red,plain,3", "a.csv:2: number 'x' is on no sheet, expected 1 to 2"),
-        ("1,x,couch,red,plain,3", "a.csv:2: kind 'couch' is none of the list in questions.md"),
+        ("1,x,couch,red,plain,3", "a.csv:2: kind 'couch' is none of the list in kinds.txt"),
         ("1,x,sofa,teal,plain,3", "a.csv:2: colour 'teal' is none of red, "),
         ("1,x,sofa,red,silk,3", "a.csv:2: material 'silk' is none of plain, "),
         ("1,x,sofa,red,plain,6", "a.csv:2: rating '6' is no whole number from 1 to 5"),
@@ -186,7 +189,9 @@ def test_from_sheets_to_a_score(
     monkeypatch.setattr(blind, "at_once", lambda function, calls, label: [faked(*call) for call in calls])
     folder = tmp_path / "set"
     assert blind.main(["make", str(folder), "--kinds", "sofa", "--count", "2"]) == 0
-    assert sorted(path.name for path in folder.iterdir()) == ["key.json", "questions.md", "sheet-01.png"]
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "key.json", "kinds.txt", "questions.md", "sheet-01.png",
+    ]  # fmt: skip
     with Image.open(folder / "sheet-01.png") as page:
         assert not page.info
     assert "4 of them empty" in capsys.readouterr().out
