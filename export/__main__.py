@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import FrameType
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, one_line
 from pipeline.files import refusal
 from pipeline.options.models import new_models
 
@@ -66,11 +66,11 @@ def main(environment: Mapping[str, str], models: Path | None = None) -> int:
         )
         install_checkpoint(checkpoint, models / environment["NAME"], options)
     except (InputError, ValueError, NotImplementedError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {one_line(str(error))}", file=sys.stderr)
         return 2 if isinstance(error, InputError) else 1
     except OSError as error:
         if refused := refusal(error):
-            print(f"error: {refused}", file=sys.stderr)
+            print(f"error: {one_line(str(refused))}", file=sys.stderr)
             return 2
         raise
     except KeyboardInterrupt:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from pipeline.cli.arguments import make_parser, parse, variables_of_make
+from pipeline.cli.variables import verbs
 from pipeline.errors import InputError, one_line
 from pipeline.files import refusal, write_text
 from pipeline.options import job as jobs
@@ -211,7 +212,9 @@ def _with_extra(module: str, needed: str, environment: Mapping[str, str]) -> int
         raise InputError(
             'this needs the extra export, which is not installed: pip install "latent-nerf-onnx[export]"'
         )
-    return subprocess.call([sys.executable, "-m", module], env={**os.environ, **environment})
+    ours = {variable.name for verb in verbs().values() for variable in verb.variables}
+    others = {name: value for name, value in os.environ.items() if name not in ours}
+    return subprocess.call([sys.executable, "-m", module], env={**others, **environment})
 
 
 def _threads(environment: Mapping[str, str]) -> int:

@@ -139,14 +139,16 @@ def _check_version(document: dict[str, Any], path: Path) -> None:
 
 
 def _check_shown(document: dict[str, Any], path: Path) -> None:
-    """Raise InputError where no node of the scene has a mesh, or no mesh has triangles."""
+    """Raise InputError where no node of the scene (of all there are, in a file without scenes) has a mesh, or
+    no mesh has triangles."""
     meshes, nodes = document.get("meshes", []), document.get("nodes", [])
     modes = {int(primitive.get("mode", 4)) for mesh in meshes for primitive in mesh["primitives"]}
     if modes and not modes & _TRIANGLES.keys():
         names = ", ".join(_OTHERS.get(mode, f"mode {mode}") for mode in sorted(modes))
         raise InputError(f"{path}: is made of {names}; export it as triangles")
-    scenes = document.get("scenes", [])
-    waiting = [int(node) for node in scenes[int(document.get("scene", 0))].get("nodes", [])] if scenes else []
+    waiting = list(range(len(nodes)))
+    if scenes := document.get("scenes", []):
+        waiting = [int(node) for node in scenes[int(document.get("scene", 0))].get("nodes", [])]
     shown: set[int] = set()
     while waiting:
         node = waiting.pop()

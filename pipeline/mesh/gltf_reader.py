@@ -60,23 +60,26 @@ def _pieces(document: Document) -> Iterator[Piece]:
     worlds = _world_matrices(nodes)
     shown = [row for row in _shown(document.json) if "mesh" in nodes[row]]
     taken = {node["name"] for node in nodes if isinstance(node.get("name"), str)}
-    used: set[str] = set()
+    used, numbers = set[str](), dict[str, int]()
     for row in shown:
         node = nodes[row]
         mesh = document.json["meshes"][node["mesh"]]
         drawn = [i for i, p in enumerate(mesh["primitives"]) if _drawable(p)]
         named = str(node.get("name") or mesh.get("name") or f"node{row}")
         for index in drawn:
-            name = named if len(drawn) == 1 and named not in used else _free(named, taken | used)
+            name = named if len(drawn) == 1 and named not in used else _free(named, taken, numbers)
             used.add(name)
+            taken.add(name)
             yield _piece(document, name, row, index, worlds)
 
 
-def _free(name: str, taken: set[str]) -> str:
-    """Return the name with the least number that makes it another than those taken."""
-    number = 0
+def _free(name: str, taken: set[str], numbers: dict[str, int]) -> str:
+    """Return the name with the least number that makes it another than those taken; `numbers` has the last
+    one found for each name."""
+    number = numbers.get(name, 0)
     while f"{name}_{number}" in taken:
         number += 1
+    numbers[name] = number
     return f"{name}_{number}"
 
 

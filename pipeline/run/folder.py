@@ -46,8 +46,7 @@ def check_places(run: Path, outputs: Sequence[str]) -> None:
     Raises:
         InputError: what stands where, and what was expected.
     """
-    if run.is_symlink() or (run.exists() and not run.is_dir()):
-        raise InputError(f"{run} is {_kind(run)}, expected a folder: move it away, or say OUT=")
+    _check_folder(run)
     folders = [run / name for name in FOLDERS]
     folders += [path for path in _inside(run / "checkpoints") if not path.name.startswith(".")]
     for path in folders:
@@ -73,8 +72,10 @@ def locked(run: Path) -> Iterator[None]:
     """Hold the run's folder for this process and its forks: the kernel drops the lock when all have ended.
 
     Raises:
-        InputError: the folder cannot be made, another process holds it, or its `.lock` is not ours.
+        InputError: the folder cannot be made or is a link, another process holds it, or its `.lock` is not
+            ours.
     """
+    _check_folder(run)
     try:
         run.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -120,6 +121,11 @@ def point_latest(run: Path) -> None:
         beside = run.parent / f".latest{os.getpid()}"
         beside.symlink_to(run.name)
         os.replace(beside, latest)
+
+
+def _check_folder(run: Path) -> None:
+    if run.is_symlink() or (run.exists() and not run.is_dir()):
+        raise InputError(f"{run} is {_kind(run)}, expected a folder: move it away, or say OUT=")
 
 
 def _inside(folder: Path) -> list[Path]:

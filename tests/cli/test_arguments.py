@@ -144,3 +144,19 @@ def test_make_says_what_may_have_been_meant(tmp_path: Path) -> None:
     make("run", "a'$(shell touch x)`touch y`=1")
     make("a'`touch x`;touch y")
     assert list(tmp_path.iterdir()) == [], "something was executed"
+
+
+@pytest.mark.parametrize("verb", ["export", "learn-token"])
+def test_what_needs_an_extra_is_told_on_the_command_line_alone(
+    verb: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = dict[str, str]()
+    monkeypatch.setattr(subprocess, "call", lambda command, env: told.update(env) or 0)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: True)
+    for name in ("NAME", "IMAGES", "CHECKPOINT", "TOKEN", "SEED"):
+        monkeypatch.setenv(name, "hunter2")
+    monkeypatch.setenv("LANGUAGE", "C")
+    assert main([verb, "--name", "mine"], {}) == 0
+    assert told["NAME"] == "mine"
+    assert told["LANGUAGE"] == "C"
+    assert "hunter2" not in told.values()

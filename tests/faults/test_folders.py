@@ -134,8 +134,13 @@ def test_a_run_whose_name_is_taken(place: tuple[Door, Path]) -> None:
     door, run = place
     shutil.rmtree(run)
     run.write_text(PRECIOUS)
-    door.refused("run", "cannot be made", "OUT=")
+    door.refused("run", f"{run.name} is a file", "OUT=")
     assert run.read_text() == PRECIOUS
+    run.unlink()
+    (door.folder / "mine").mkdir()
+    run.symlink_to(door.folder / "mine")
+    door.refused("run", f"{run.name} is a link", "OUT=")
+    assert not list((door.folder / "mine").iterdir()), "not even a lock"
 
 
 @pytest.mark.parametrize("text", [

@@ -106,6 +106,18 @@ def test_a_checkpoint(
     assert not Path("models").exists() or not list(Path("models").iterdir())
 
 
+def test_line_breaks_are_written_as_such(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    asked = {"CHECKPOINT": "a\nb\x1b[2J", "NAME": "x"}
+    assert "a\\nb\\x1b[2J" in refused(lambda: export.main(asked, tmp_path / "models"), tmp_path, capsys)
+    monkeypatch.setenv("IMAGES", "a\nb")
+    monkeypatch.setenv("NAME", "x")
+    monkeypatch.setattr("sys.argv", ["learn_token"])
+    assert "a\\nb" in refused(learn_token.main, tmp_path, capsys)
+
+
 @pytest.mark.parametrize("name", PICTURES)
 def test_pictures(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -11,6 +11,9 @@ import trimesh
 from pipeline.errors import InputError
 from pipeline.mesh.file_checks import buffer_files
 from pipeline.mesh.readers import InputMesh, read_mesh
+from tests.faults import hostile
+
+ONE_MESH = {"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}
 
 TWO_PARTS = """
 # two squares
@@ -177,6 +180,21 @@ def test_primitives_of_a_mesh_have_the_same_names_every_time(tmp_path: Path) -> 
     assert first.names == second.names
     np.testing.assert_array_equal(first.faces, second.faces)
     np.testing.assert_array_equal(first.vertices, second.vertices)
+
+
+def test_thousands_of_nodes_that_show_one_mesh_get_names_of_their_own(tmp_path: Path) -> None:
+    nodes = [{"mesh": 0, "translation": [i, 0, 0]} for i in range(3000)]
+    many = hostile.gltf(
+        nodes=nodes, scenes=[{"nodes": list(range(3000))}], meshes=[{**ONE_MESH, "name": "thing"}]
+    )
+    names = read_mesh(save(tmp_path, "many.gltf", many)).names
+    assert list(names) == ["thing", *(f"thing_{i}" for i in range(2999))]
+
+
+def test_gltf_without_scenes_shows_all_its_nodes(tmp_path: Path) -> None:
+    document = json.loads(hostile.gltf(nodes=[{"children": [1]}, {"mesh": 0}]))
+    del document["scenes"], document["scene"]
+    assert len(read_mesh(save(tmp_path, "none.gltf", json.dumps(document))).faces) == 2
 
 
 @pytest.mark.parametrize(("mode", "corners"), [(4, [0, 1, 2, 0, 2, 3]), (5, [0, 1, 3, 2]), (6, [0, 1, 2, 3])])

@@ -36,7 +36,8 @@ from export.everyday_objects.train.train_autoencoder import to_batch
 from pipeline.diffusion.prompts import view_table
 from pipeline.diffusion.tokenizer import ClipTokenizer, load_tokenizer
 from pipeline.diffusion.tokens import LearnedToken, TokenTable, insert_tokens
-from pipeline.errors import InputError
+from pipeline.errors import InputError, one_line
+from pipeline.files import refusal
 from pipeline.options.models import bundle_folder
 from pipeline.run.stage import Progress
 
@@ -255,11 +256,19 @@ def main() -> int:
         pictures = read_pictures(Path(os.environ["IMAGES"]))
         folder = options.folder or bundle_folder(NAME)
         tokenizer, networks = load_tokenizer(folder / "tokenizer"), restore_networks(folder)
+        embeddings, noun = learn(pictures, networks, tokenizer, options.steps)
+        save(path, name, embeddings)
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {one_line(str(error))}", file=sys.stderr)
         return 2
-    embeddings, noun = learn(pictures, networks, tokenizer, options.steps)
-    save(path, name, embeddings)
+    except OSError as error:
+        if refused := refusal(error):
+            print(f"error: {one_line(str(refused))}", file=sys.stderr)
+            return 2
+        raise
+    except KeyboardInterrupt:
+        print("stopped; nothing was written", file=sys.stderr)
+        return 130
     print(f"{path}: {len(embeddings)} embeddings of width {WIDTH}, started from {noun!r}")
     print(f'make run PROMPT="a <{name}>" TOKEN={path}')
     return 0
