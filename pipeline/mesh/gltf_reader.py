@@ -161,7 +161,7 @@ def _piece(document: Document, name: str, row: int, index: int, worlds: Float[np
         index,
         vertices,
         normals,
-        document.values(attributes["TEXCOORD_0"])[:, :2] if "TEXCOORD_0" in attributes else None,
+        _columns(document, attributes["TEXCOORD_0"], "TEXCOORD_0", 2) if "TEXCOORD_0" in attributes else None,
         _triangles(document, primitive, len(vertices)),
         bool(np.linalg.det(matrices[0, :3, :3]) < 0),
     )
@@ -186,11 +186,19 @@ def _morphed(
     document: Document, primitive: dict[str, Any], name: str, weights: list[float]
 ) -> Float[np.ndarray, "v 3"]:
     """Return positions or normals with the morph targets that the file's own weights ask for."""
-    values = document.values(primitive["attributes"][name])[:, :3]
+    values = _columns(document, primitive["attributes"][name], name, 3)
     for weight, target in zip(weights, primitive.get("targets", []), strict=False):
         if weight and name in target:
-            values = values + float(weight) * document.values(target[name])[:, :3]
+            values = values + float(weight) * _columns(document, target[name], name, 3)
     return values
+
+
+def _columns(document: Document, accessor: int, name: str, count: int) -> Float[np.ndarray, "v k"]:
+    """Return the first `count` components of an accessor's elements."""
+    values = document.values(accessor)
+    if values.shape[1] < count:
+        raise ValueError(f"{name} has {values.shape[1]} components a vertex, expected {count}")
+    return values[:, :count]
 
 
 def _skinned(

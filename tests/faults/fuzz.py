@@ -24,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.files import refusal
 from pipeline.progress import duration
 from tests.faults.mutate import mutate
 from tests.faults.targets import Target, targets
@@ -68,6 +69,9 @@ def attempt(read: Callable[[], object]) -> int:
     except InputError as error:
         sys.stderr.write(f"InputError: {error}\n")
         return FAILED if "\n" in str(error) or not str(error).strip() else REFUSED
+    except OSError as error:  # as the front door says it: a name too long, say
+        traceback.print_exc()
+        return FAILED if refusal(error) is None else REFUSED
     except BaseException:
         traceback.print_exc()
         return FAILED

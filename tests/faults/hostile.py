@@ -150,6 +150,15 @@ MESHES: dict[str, tuple[Callable[[], bytes], str]] = {
     ),
     "no-count.gltf": (lambda: gltf(accessors=[{"type": "VEC3"}]), "'count' is missing"),
     "no-buffer.gltf": (lambda: gltf(buffers=[{}]), "'byteLength' is missing"),
+    "numbers.gltf": (
+        lambda: gltf(
+            accessors=[
+                {"bufferView": i, "componentType": t, "count": 4, "type": "SCALAR"}
+                for i, t in enumerate((5126, 5125))
+            ]
+        ),
+        "POSITION has 1 components a vertex, expected 3",
+    ),
     "no-mesh.gltf": (lambda: gltf(nodes=[{"mesh": 7}]), "refers to what is not there"),
     "hidden.gltf": (lambda: gltf(scenes=[{"nodes": []}]), "none in its scene"),
     "lines.gltf": (
