@@ -133,3 +133,8 @@ def test_a_stopped_training_goes_on_to_the_same_weights(tmp_path, monkeypatch):
     log = (tmp_path / "whole" / "denoiser.log").read_text()
     for arm in ("right", "wrong camera", "no camera", "no backdrop", "wrong text", "no text", "views apart"):
         assert f"step 4 {arm}: " in log
+    # Rates of nothing move nothing, whatever the fall.
+    train(tmp_path / "parts", 5, fall=2, rates=0.0, objects_a_step=2, **SMALL)
+    still = torch.load(tmp_path / "parts" / "denoiser.state.pt", weights_only=True)["model"]
+    before = torch.load(tmp_path / "whole" / "denoiser.state.pt", weights_only=True)["model"]
+    assert all(torch.equal(value, still[name]) for name, value in before.items())
