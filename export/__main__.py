@@ -14,7 +14,7 @@ from pathlib import Path
 from types import FrameType
 
 from pipeline.errors import InputError, one_line
-from pipeline.files import refusal
+from pipeline.files import say_refusal
 from pipeline.options.models import new_models
 
 CHOICES = {
@@ -65,14 +65,12 @@ def main(environment: Mapping[str, str], models: Path | None = None) -> int:
             vjp=chosen["GRADIENT"] == "yes",
         )
         install_checkpoint(checkpoint, models / environment["NAME"], options)
-    except (InputError, ValueError, NotImplementedError) as error:
+    except (InputError, OSError) as error:
+        say_refusal(error)
+        return 2
+    except (ValueError, NotImplementedError) as error:
         print(f"error: {one_line(str(error))}", file=sys.stderr)
-        return 2 if isinstance(error, InputError) else 1
-    except OSError as error:
-        if refused := refusal(error):
-            print(f"error: {one_line(str(refused))}", file=sys.stderr)
-            return 2
-        raise
+        return 1
     except KeyboardInterrupt:
         print("stopped; nothing was installed", file=sys.stderr)
         return 130

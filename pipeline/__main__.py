@@ -16,7 +16,7 @@ from typing import NoReturn
 from pipeline.cli.arguments import make_parser, parse, variables_of_make
 from pipeline.cli.variables import verbs
 from pipeline.errors import InputError, one_line
-from pipeline.files import refusal, write_text
+from pipeline.files import say_refusal, write_text
 from pipeline.options import job as jobs
 from pipeline.options.hand_over import resolve_all
 from pipeline.options.schema import describe, short
@@ -41,9 +41,6 @@ def main(arguments: list[str], environment: Mapping[str, str]) -> int:
             status = COMMANDS[verb]({**variables_of_make(verb, environment), **given})
         sys.stdout.flush()
         return status
-    except InputError as error:
-        print(f"error: {one_line(str(error))}", file=sys.stderr)
-        return 2
     except MemoryError:
         print(
             f"error: out of memory{memory_limit()}: close other programs, or lower QUALITY", file=sys.stderr
@@ -52,11 +49,9 @@ def main(arguments: list[str], environment: Mapping[str, str]) -> int:
     except BrokenPipeError:  # the reader of the output, head for one, has had enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except OSError as error:
-        if refused := refusal(error):
-            print(f"error: {one_line(str(refused))}", file=sys.stderr)
-            return 2
-        raise
+    except (InputError, OSError) as error:
+        say_refusal(error)
+        return 2
     except engine.StageFailure as error:
         print(f"error: {one_line(str(error))}", file=sys.stderr)
         return 1

@@ -4,10 +4,11 @@ import contextlib
 import errno
 import hashlib
 import os
+import sys
 from pathlib import Path
 from typing import BinaryIO
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, one_line
 
 REFUSALS = {
     errno.ENOSPC: "no space is left on the device: free some",
@@ -31,6 +32,18 @@ def refusal(error: OSError) -> InputError | None:
     if reason is None:
         return None
     return InputError(f"{error.filename or 'writing'}: {reason}, then give the same command again")
+
+
+def say_refusal(error: InputError | OSError) -> None:
+    """Print what the user can mend on stderr, as one line that begins with ``error:``.
+
+    Raises:
+        OSError: `error` itself, where not the machine but the program is its reason.
+    """
+    told = refusal(error) if isinstance(error, OSError) else error
+    if told is None:
+        raise error
+    print(f"error: {one_line(str(told))}", file=sys.stderr)  # noqa: T201
 
 
 def file_sha256(path: Path) -> str:

@@ -19,6 +19,7 @@ clean: {faces: 300}
 unwrap: {resolution: 128, padding: 2}
 bake: {views: 4, texture: 128}
 prepare: {resolution: 128}
+start_fit: {views: 4, steps: 6, cells: 24}
 train_paint: {steps: 4, cameras_per_step: 1, texture: 64, views: 8, checkpoint_every: 2}
 bake_paint: {views: 4, texture: 128}
 publish: {preview_size: 48, turntable_size: 48, turntable_frames: 4}

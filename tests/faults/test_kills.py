@@ -1,8 +1,8 @@
 """Killed or interrupted in every stage of every chain, the same command ends with the same bytes.
 
-Two jobs have all stages: a sketch refined in colours, and a mesh painted and refined. Each is stopped in
-every stage by SIGKILL to all its processes or, in every second one, by Ctrl-C, and finished then; the
-thorough test has it the other way round.
+Four jobs have all stages: a sketch refined in colours, a mesh painted and refined, and either from an asset.
+Each is stopped in every stage by SIGKILL to all its processes or, in every second one, by Ctrl-C, and finished
+then; the thorough test has it the other way round.
 """
 
 import json
@@ -23,9 +23,18 @@ CUBE = (
     "f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 3 4 8 7\nf 1 5 8 4\nf 2 3 7 6\n"
 )
 CHAINS = {
-    "text": {"SKETCH": "cube.obj", "REFINE": "1"},
+    "text": {"SKETCH": "cube.obj", "REFINE": "1", "FORMATS": "ply,stl,3mf"},
     "paint": {"MESH": "cube.obj", "REFINE": "1"},
+    "start": {"START": "first/latest", "SEEDS": "2"},
+    "start_paint": {"MESH": "cube.obj", "START": "first/latest", "FORMATS": "ply,3mf"},
 }
+PECULIAR = {
+    "text": {"sketch", "refine", "formats"},
+    "paint": {"prepare", "refine_paint"},
+    "start": {"start", "contest"},
+    "start_paint": {"start_paint", "formats"},
+}
+"""Stages that a chain is here for."""
 
 
 def stop_in(door: Door, stage: str, number: signal.Signals, **variables: str) -> bool:
@@ -73,17 +82,21 @@ def made(run: Path) -> dict[str, str]:
     return {name: file_sha256(run / name) for name in names}
 
 
-@pytest.mark.parametrize("chain", ["text", pytest.param("paint", marks=pytest.mark.thorough)])
+@pytest.mark.parametrize(
+    "chain", ["text", *(pytest.param(name, marks=pytest.mark.thorough) for name in CHAINS if name != "text")]
+)
 @pytest.mark.parametrize("first", [0, pytest.param(1, marks=pytest.mark.thorough)])
 def test_stopped_in_every_stage(door: Door, chain: str, first: int) -> None:
     signals = (signal.SIGKILL, signal.SIGINT)
     (door.folder / "cube.obj").write_text(CUBE)
     variables = CHAINS[chain]
+    if "START" in variables:
+        assert door.ask("run", OUT="first").status == 0
     answer = door.ask("run", OUT=f"whole-{chain}", **variables)
     assert answer.status == 0, answer.stderr
     whole = door.folder / Path(answer.stdout.splitlines()[-1]).parent
     stages = [line.removesuffix(" ...") for line in answer.stderr.splitlines() if line.endswith(" ...")]
-    assert {"refine", "sketch"} < {*stages} or {"refine_paint", "prepare"} < {*stages}
+    assert PECULIAR[chain] < {*stages}
     out = f"stopped-{chain}-{first}"
     for count, stage in enumerate(stages, first):
         stop_in(door, stage, signals[count % 2], OUT=out, **variables)

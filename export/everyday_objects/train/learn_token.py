@@ -36,8 +36,8 @@ from export.everyday_objects.train.train_autoencoder import to_batch
 from pipeline.diffusion.prompts import view_table
 from pipeline.diffusion.tokenizer import ClipTokenizer, load_tokenizer
 from pipeline.diffusion.tokens import LearnedToken, TokenTable, insert_tokens
-from pipeline.errors import InputError, one_line
-from pipeline.files import refusal
+from pipeline.errors import InputError
+from pipeline.files import say_refusal
 from pipeline.options.models import bundle_folder
 from pipeline.run.stage import Progress
 
@@ -258,14 +258,9 @@ def main() -> int:
         tokenizer, networks = load_tokenizer(folder / "tokenizer"), restore_networks(folder)
         embeddings, noun = learn(pictures, networks, tokenizer, options.steps)
         save(path, name, embeddings)
-    except InputError as error:
-        print(f"error: {one_line(str(error))}", file=sys.stderr)
+    except (InputError, OSError) as error:
+        say_refusal(error)
         return 2
-    except OSError as error:
-        if refused := refusal(error):
-            print(f"error: {one_line(str(refused))}", file=sys.stderr)
-            return 2
-        raise
     except KeyboardInterrupt:
         print("stopped; nothing was written", file=sys.stderr)
         return 130
