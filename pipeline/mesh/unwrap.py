@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 import xatlas
 from jaxtyping import Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from pipeline.errors import InputError
 from pipeline.mesh.mesh import Mesh, face_areas, texture_points
@@ -23,6 +25,7 @@ SHRINK = 0.985  # least step by which the scale falls while the charts do not fi
 TRIES = 60
 MANY = 2000  # so many charts take a second a try: fewer tries count for more than the last percent of space
 SMALL = 50_000  # faces up to which an atlas is kept for a while
+RIM = 4000  # edges around a chart up to which its texels are filtered exactly: time grows with their square
 ROOM = 8  # charts are at least so many paddings wide, on average: narrower ones would be all padding
 
 _recent: deque[xatlas.Atlas] = deque(maxlen=16)
@@ -99,6 +102,16 @@ def _cut(mesh: Mesh, resolution: int, scale: float) -> xatlas.Atlas:
     return atlas
 
 
+def longest_rim(index: Int[np.ndarray, "f 3"], points: int) -> int:
+    """Return how many edges of the chart that has most belong to one of its faces alone."""
+    ends = np.sort(index[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1).astype(np.int64)
+    edges, faces = np.unique(ends @ [points, 1], return_counts=True)
+    one, other = np.divmod(edges, points)
+    links = coo_array((np.ones(len(edges), bool), (one, other)), (points, points))
+    chart = connected_components(links, directed=False)[1]
+    return int(np.bincount(chart[one[faces == 1]], minlength=1).max())
+
+
 def _pack(
     flat: Float[np.ndarray, "t 2"], index: Int[np.ndarray, "f 3"], resolution: int, padding: int, charts: int
 ) -> tuple[Float[np.ndarray, "t 2"] | None, int]:
@@ -114,12 +127,13 @@ def _pack(
     area = 0.5 * np.abs(edge_1[:, 0] * edge_2[:, 1] - edge_1[:, 1] * edge_2[:, 0]).sum()
     # Squares of equal size, each with its padding on two sides.
     scale = (resolution * np.sqrt(FULL) - padding * np.sqrt(charts)) / np.sqrt(area)
+    exact = longest_rim(index, len(flat)) <= RIM
     for _ in range(TRIES):
         atlas = _atlas(len(index))
         atlas.add_uv_mesh(flat.astype(np.float32), index.astype(np.uint32))
         pack = xatlas.PackOptions()
         pack.padding = padding
-        pack.bilinear = True
+        pack.bilinear = exact
         pack.texels_per_unit = float(scale)
         atlas.generate(xatlas.ChartOptions(), pack)
         source, packed_index, uv = atlas[0]

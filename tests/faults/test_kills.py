@@ -1,8 +1,8 @@
 """Killed or interrupted in every stage of every chain, the same command ends with the same bytes.
 
-Four jobs have all stages: a sketch refined in colours, a mesh painted and refined, and either from an asset.
-Each is stopped in every stage by SIGKILL to all its processes or, in every second one, by Ctrl-C, and finished
-then; the thorough test has it the other way round.
+Five jobs have all stages: a sketch refined in colours, a mesh painted and refined, two seeds, and a text or a
+mesh that starts from an asset. Each is stopped in every stage by SIGKILL to all its processes or, in every
+second one, by Ctrl-C, and finished then; the thorough test has it the other way round.
 """
 
 import json
@@ -25,13 +25,15 @@ CUBE = (
 CHAINS = {
     "text": {"SKETCH": "cube.obj", "REFINE": "1", "FORMATS": "ply,stl,3mf"},
     "paint": {"MESH": "cube.obj", "REFINE": "1"},
-    "start": {"START": "first/latest", "SEEDS": "2"},
+    "seeds": {"SEEDS": "2"},
+    "start": {"START": "first/latest", "FORMATS": "stl"},
     "start_paint": {"MESH": "cube.obj", "START": "first/latest", "FORMATS": "ply,3mf"},
 }
 PECULIAR = {
     "text": {"sketch", "refine", "formats"},
     "paint": {"prepare", "refine_paint"},
-    "start": {"start", "contest"},
+    "seeds": {"contest"},
+    "start": {"start", "formats"},
     "start_paint": {"start_paint", "formats"},
 }
 """Stages that a chain is here for."""
@@ -92,7 +94,7 @@ def test_stopped_in_every_stage(door: Door, chain: str, first: int) -> None:
     variables = CHAINS[chain]
     if "START" in variables:
         assert door.ask("run", OUT="first").status == 0
-    answer = door.ask("run", OUT=f"whole-{chain}", **variables)
+    answer = door.ask("run", OUT=f"whole-{chain}-{first}", **variables)
     assert answer.status == 0, answer.stderr
     whole = door.folder / Path(answer.stdout.splitlines()[-1]).parent
     stages = [line.removesuffix(" ...") for line in answer.stderr.splitlines() if line.endswith(" ...")]

@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 from pipeline.mesh import unwrap
 from pipeline.mesh.mesh import Mesh
 from pipeline.mesh.texture import surface_texels
-from pipeline.mesh.unwrap import unwrap_mesh, uv_figures
+from pipeline.mesh.unwrap import longest_rim, unwrap_mesh, uv_figures
 from tests import shapes
 
 
@@ -47,6 +47,37 @@ def test_padding_is_kept_between_charts(chair: Mesh) -> None:
     pairs = cKDTree(np.c_[rows, columns]).query_pairs(5.0, output_type="ndarray")
     of = islands[rows, columns]
     assert (of[pairs[:, 0]] == of[pairs[:, 1]]).all()
+
+
+def polygon(corners: int, height: float) -> Mesh:
+    turn = np.linspace(0, 2 * np.pi, corners, endpoint=False)
+    vertices = np.stack([np.cos(turn), np.sin(turn), np.full(corners, height)], axis=1).astype(np.float32)
+    fan = np.stack([np.zeros(corners - 2), np.arange(1, corners - 1), np.arange(2, corners)], axis=1)
+    return Mesh(vertices, fan.astype(np.int32))
+
+
+def test_the_longest_rim_is_one_charts_own() -> None:
+    faces = np.concatenate([polygon(9, 0).faces, polygon(5, 0).faces + 9]).astype(np.int32)
+    assert longest_rim(faces, 14) == 9
+
+
+def test_polygons_of_many_corners_are_packed_with_the_padding_of_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Past RIM xatlas filters no texels of theirs, which took minutes; apart they lie all the same."""
+    one, other = polygon(300, 0), polygon(300, 1)
+    both = Mesh(
+        np.concatenate([one.vertices, other.vertices]), np.concatenate([one.faces, other.faces + 300])
+    )
+    for rim in (unwrap.RIM, 299):
+        monkeypatch.setattr(unwrap, "RIM", rim)
+        mesh, figures = unwrap_mesh(both, 256, 6)
+        assert (figures["charts"], figures["padding"], figures["overlap"]) == (2, 6, 0)
+        mask = surface_texels(mesh, 256).mask
+        islands, count = label(mask, np.ones((3, 3)))
+        assert count == 2
+        apart = cKDTree(np.argwhere(islands == 1)).query(np.argwhere(islands == 2))[0].min()
+        assert apart > 5
 
 
 def test_same_input_same_bytes(chair: Mesh) -> None:
