@@ -21,7 +21,7 @@ body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto
 h1 { font-size: 1.6rem; margin: 0; overflow-wrap: anywhere; white-space: pre-wrap; }
 h2 { font-size: 1.1rem; margin: 2.5rem 0 .5rem; }
 a { color: var(--link); }
-.dim { color: var(--dim); }
+.dim { color: var(--dim); overflow-wrap: anywhere; }
 img, video { max-width: 100%; border-radius: 6px; background: var(--plate); display: block;
              margin: 1rem auto; }
 video { width: min(100%, 32rem); }
