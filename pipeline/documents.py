@@ -1,10 +1,11 @@
 """JSON from strangers: every damage is one error.
 
-`json.loads` raises four kinds of error for damaged text, and takes `NaN` and halves of characters, which
-break whatever reads the values later.
+`json.loads` raises four kinds of error for damaged text, and takes `NaN`, infinities, numbers of any length and
+halves of characters, which break whatever reads the values later.
 """
 
 import json
+import math
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -22,7 +23,7 @@ def parse_json(text: str | bytes) -> Any:
         ValueError: no JSON, no UTF-8, nested too deeply, a number that is none, a character that is none.
     """
     try:
-        value = json.loads(text, parse_constant=_refuse)
+        value = json.loads(text, parse_constant=_refuse, parse_float=_finite, parse_int=_whole)
     except RecursionError:
         raise ValueError("nested too deeply") from None
     escapes = b"\\ud" if isinstance(text, bytes) else "\\ud"
@@ -67,4 +68,12 @@ def read_json(path: Path, mend: str) -> dict[str, Any]:
 
 
 def _refuse(constant: str) -> NoReturn:
-    raise ValueError(f"{constant}, expected finite numbers")
+    raise ValueError(f"{constant[:20]}, expected finite numbers")
+
+
+def _finite(number: str) -> float:
+    return value if math.isfinite(value := float(number)) else _refuse(number)
+
+
+def _whole(number: str) -> int:
+    return value if abs(value := int(number)) < 2**63 else _refuse(number)
