@@ -1,7 +1,7 @@
 """JSON from strangers: every damage is one error.
 
-`json.loads` raises four kinds of error for damaged text, and takes `NaN`, infinities, numbers of any length and
-halves of characters, which break whatever reads the values later.
+`json.loads` raises four kinds of error for damaged text, and takes `NaN`, infinities, numbers of any length
+and halves of characters, which break whatever reads the values later.
 """
 
 import json
