@@ -43,7 +43,7 @@ DAMAGE: dict[str, tuple[str, Callable[[Path], None], str]] = {
     "huge bias": (
         "bundle.json",
         _json(lambda v: {**v, "latent_to_rgb_bias": [10**400, 0, 0]}),
-        "latent_to_rgb_bias",
+        "finite numbers",
     ),
     "key": ("bundle.json", _json(lambda v: {**v, "distillation": {"setps": 3}}), "setps"),
     "section": ("bundle.json", _json(lambda v: {**v, "distillation": [3]}), "bundle.json"),
