@@ -227,7 +227,7 @@ def _numbers(place: Path, values: dict[str, Any], key: str, shape: tuple[int, ..
     """Return values[key] as nested tuples of finite floats of that shape."""
     try:
         array = np.array(values[key], np.float64)
-    except (KeyError, TypeError, ValueError, OverflowError):
+    except (KeyError, TypeError, ValueError):
         array = np.zeros(0)
     if array.shape != shape or not np.isfinite(array).all():
         raise InputError(f"{place}: {key}, expected {' x '.join(map(str, shape))} numbers; export again")

@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 import xatlas
 from jaxtyping import Float, Int
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from pipeline.errors import InputError
 from pipeline.mesh.mesh import Mesh, face_areas, texture_points
 from pipeline.mesh.texture import surface_texels
+from pipeline.mesh.topology import face_components
 
 FULL = 0.95  # share of the texture that charts and their padding would fill at the first scale tried
 SHRINK = 0.985  # least step by which the scale falls while the charts do not fit
@@ -103,13 +102,11 @@ def _cut(mesh: Mesh, resolution: int, scale: float) -> xatlas.Atlas:
 
 
 def longest_rim(index: Int[np.ndarray, "f 3"], points: int) -> int:
-    """Return how many edges of the chart that has most belong to one of its faces alone."""
+    """Return how many edges of a single face the chart with most of them has; `points`: texture points."""
+    chart = face_components(Mesh(np.zeros((points, 3), np.float32), index))
     ends = np.sort(index[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1).astype(np.int64)
-    edges, faces = np.unique(ends @ [points, 1], return_counts=True)
-    one, other = np.divmod(edges, points)
-    links = coo_array((np.ones(len(edges), bool), (one, other)), (points, points))
-    chart = connected_components(links, directed=False)[1]
-    return int(np.bincount(chart[one[faces == 1]], minlength=1).max())
+    _, first, faces = np.unique(ends @ [points, 1], return_index=True, return_counts=True)
+    return int(np.bincount(chart[first[faces == 1] // 3], minlength=1).max())
 
 
 def _pack(

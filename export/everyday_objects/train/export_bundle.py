@@ -47,7 +47,7 @@ DISTILLATION = {
     "sparsity_weight": 40.0,
     "sparsity_ramp": 0.8,
     "opacity_weight": 3.0,  # 10 eats thin parts: the poles of lamps
-    # Rays that are opaque deep inside leave pits and holes: on 16 kinds they close with it, thin parts stay.
+    # Rays that are opaque deep inside leave pits and holes: on 16 kinds most close with it, thin parts stay.
     "density_sharpening": 20.0,
     "blob_radius": 0.3,
     "grid_levels": 12,
