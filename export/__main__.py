@@ -45,6 +45,11 @@ def main(environment: Mapping[str, str], models: Path | None = None) -> int:
             raise InputError(
                 f"CHECKPOINT {path} does not exist: give a diffusers folder or a .safetensors file"
             )
+        if not path.is_dir() and path.suffix != ".safetensors":
+            raise InputError(
+                f"{path}: expected a .safetensors file or a diffusers folder (.ckpt and .bin files are "
+                "pickles, which can run code when read: convert it first)"
+            )
 
         # They take seconds to import.
         import diffusers

@@ -55,11 +55,6 @@ def open_single_file(path: Path, prediction: str = "") -> Checkpoint:
     `prediction`: "epsilon" or "v_prediction"; empty: as the file's metadata says, else epsilon for 1.x.
     Raises InputError: another kind of model, a damaged file, a 2.x file that does not say what it predicts.
     """
-    if path.suffix != ".safetensors":
-        raise InputError(
-            f"{path}: expected a .safetensors file or a diffusers folder (.ckpt and .bin files are pickles, "
-            "which can run code when read: convert it first)"
-        )
     shapes = tensor_shapes(path)
     _refuse_others(path, shapes)
     try:

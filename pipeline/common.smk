@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from urllib.parse import unquote
 
-from pipeline.mesh.file_checks import buffer_files, image_files
+from pipeline.mesh.companion_files import buffer_files, image_files
 
 
 def relative(path):

@@ -12,8 +12,8 @@ import trimesh
 from PIL import Image
 
 from pipeline.files import file_sha256
-from pipeline.mesh.file_checks import read_gltf_json
 from pipeline.mesh.gltf_document import open_document
+from pipeline.mesh.gltf_json import read_gltf_json
 from pipeline.mesh.readers import read_mesh
 from tests.fake_project import ROOT, clean_environment, kill_group
 from tests.kept_document import assert_kept

@@ -16,6 +16,7 @@ from PIL import Image
 from pipeline.cameras import Camera
 from pipeline.errors import InputError
 from pipeline.mesh.bilinear import sample
+from pipeline.mesh.gltf_reader import drawable, read_gltf, triangles
 from pipeline.mesh.mesh import Mesh, texture_points
 from pipeline.mesh.pictures import FORMATS, MOST_TEXELS, check_pictures
 from pipeline.mesh.rasterize import Fragments, rasterize
@@ -60,12 +61,9 @@ def read_coloured(path: Path) -> ColouredMesh:
     textures: dict[int, np.ndarray] = {}
     try:
         scene = trimesh.load_scene(path, file_type=path.suffix.lower()[1:], process=False, validate=False)
-        pieces = [
-            _piece(scene.geometry[name], np.asarray(scene.graph[node][0]), path, textures)
-            for node in sorted(scene.graph.nodes_geometry)
-            for name in [scene.graph[node][1]]
-            if isinstance(scene.geometry[name], trimesh.Trimesh) and len(scene.geometry[name].faces)
-        ]
+        gltf = path.suffix.lower() in (".glb", ".gltf")
+        shown = _shown_by_gltf(path, scene) if gltf else _shown(scene)
+        pieces = [_piece(geometry, vertices, path, textures) for geometry, vertices in shown]
     except InputError:
         raise
     except Exception as error:  # trimesh and pillow let nearly everything escape
@@ -169,11 +167,49 @@ def _mesh(
     )
 
 
+Shown = list[tuple[trimesh.Trimesh, Float[np.ndarray, "v 3"]]]
+"""Parts with their vertices where viewers show them."""
+
+
+def _shown(scene: trimesh.Scene) -> Shown:
+    found = []
+    for matrix, name in (scene.graph[node] for node in sorted(scene.graph.nodes_geometry)):
+        part = scene.geometry[name]
+        if isinstance(part, trimesh.Trimesh) and len(part.faces):
+            found.append((part, np.asarray(part.vertices, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]))
+    return found
+
+
+def _shown_by_gltf(path: Path, scene: trimesh.Scene) -> Shown:
+    """Return the parts of a glTF scene: placed as `gltf_reader` places them, since trimesh knows no skins and
+    no morphs, coloured as trimesh reads them. Both find the numbers of a primitive, in one order."""
+    document, pieces = read_gltf(path)
+    waiting: dict[tuple[bytes, bytes], list[trimesh.Trimesh]] = {}
+    for part in scene.geometry.values():
+        if isinstance(part, trimesh.Trimesh):
+            waiting.setdefault(_numbers(part.vertices, part.faces), []).append(part)
+    parts = {}
+    for row, mesh in enumerate(document.json["meshes"]):
+        for index, primitive in enumerate(mesh["primitives"]):
+            if drawable(primitive):
+                vertices = document.values(primitive["attributes"]["POSITION"])
+                same = waiting.get(_numbers(vertices, triangles(document, primitive, len(vertices))))
+                if same:
+                    parts[row, index] = same.pop(0)
+    known = [piece for piece in pieces if (piece.mesh, piece.primitive) in parts]
+    return [(parts[piece.mesh, piece.primitive], piece.vertices) for piece in known]
+
+
+def _numbers(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> tuple[bytes, bytes]:
+    """Return what is the same for the same triangles, in whatever order and from whichever corner."""
+    rows = np.sort(np.asarray(faces, np.int64), axis=1)
+    return np.asarray(vertices, np.float64).tobytes(), rows[np.lexsort(rows.T)].tobytes()
+
+
 def _piece(
-    geometry: Any, transform: np.ndarray, path: Path, textures: dict[int, np.ndarray]
+    geometry: Any, vertices: Float[np.ndarray, "v 3"], path: Path, textures: dict[int, np.ndarray]
 ) -> tuple[ColouredMesh, bool]:
     """Return one part of trimesh's scene, and whether it says what colours it has."""
-    vertices = np.asarray(geometry.vertices, np.float64) @ transform[:3, :3].T + transform[:3, 3]
     faces = np.asarray(geometry.faces, np.int64)
     linear = path.suffix.lower() in (".glb", ".gltf")
     visual = geometry.visual

@@ -17,7 +17,8 @@ import numpy as np
 from jaxtyping import Float
 
 from pipeline.errors import InputError
-from pipeline.mesh.file_checks import buffer_files, gltf_fault, read_gltf_json
+from pipeline.mesh.companion_files import buffer_files
+from pipeline.mesh.gltf_json import gltf_fault, read_gltf_json
 
 DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}

@@ -14,8 +14,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from pipeline.errors import InputError
-from pipeline.mesh.file_checks import check_gltf, gltf_fault
+from pipeline.mesh.gltf_checks import check_gltf
 from pipeline.mesh.gltf_document import Document, open_document
+from pipeline.mesh.gltf_json import gltf_fault, shown_nodes
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 
@@ -58,13 +59,13 @@ def read_gltf(path: Path) -> tuple[Document, list[Piece]]:
 def _pieces(document: Document) -> Iterator[Piece]:
     nodes: list[dict[str, Any]] = document.json.get("nodes", [])
     worlds = _world_matrices(nodes)
-    shown = [row for row in _shown(document.json) if "mesh" in nodes[row]]
+    shown = [row for row in shown_nodes(document.json) if "mesh" in nodes[row]]
     taken = {node["name"] for node in nodes if isinstance(node.get("name"), str)}
     used, numbers = set[str](), dict[str, int]()
     for row in shown:
         node = nodes[row]
         mesh = document.json["meshes"][node["mesh"]]
-        drawn = [i for i, p in enumerate(mesh["primitives"]) if _drawable(p)]
+        drawn = [i for i, p in enumerate(mesh["primitives"]) if drawable(p)]
         named = str(node.get("name") or mesh.get("name") or f"node{row}")
         for index in drawn:
             name = named if len(drawn) == 1 and named not in used else _free(named, taken, numbers)
@@ -83,25 +84,11 @@ def _free(name: str, taken: set[str], numbers: dict[str, int]) -> str:
     return f"{name}_{number}"
 
 
-def _drawable(primitive: dict[str, Any]) -> bool:
+def drawable(primitive: dict[str, Any]) -> bool:
+    """Whether a primitive of a document is made of triangles."""
     return (
         primitive.get("mode", TRIANGLES) in (TRIANGLES, STRIP, FAN) and "POSITION" in primitive["attributes"]
     )
-
-
-def _shown(json: dict[str, Any]) -> list[int]:
-    """Return the nodes of the scene that viewers open, parents first; of a file without scenes all nodes."""
-    nodes = json.get("nodes", [])
-    if json.get("scenes"):
-        waiting = [*json["scenes"][json.get("scene", 0)].get("nodes", [])][::-1]
-    else:
-        children = {child for node in nodes for child in node.get("children", ())}
-        waiting = [row for row in range(len(nodes)) if row not in children][::-1]
-    found = []
-    while waiting:
-        found.append(row := waiting.pop())
-        waiting += nodes[row].get("children", [])[::-1]
-    return list(dict.fromkeys(found))
 
 
 def _world_matrices(nodes: list[dict[str, Any]]) -> Float[np.ndarray, "n 4 4"]:
@@ -162,7 +149,7 @@ def _piece(document: Document, name: str, row: int, index: int, worlds: Float[np
         vertices,
         normals,
         _columns(document, attributes["TEXCOORD_0"], "TEXCOORD_0", 2) if "TEXCOORD_0" in attributes else None,
-        _triangles(document, primitive, len(vertices)),
+        triangles(document, primitive, len(vertices)),
         bool(np.linalg.det(matrices[0, :3, :3]) < 0),
     )
 
@@ -224,7 +211,7 @@ def _skinned(
     return np.asarray(blended)
 
 
-def _triangles(document: Document, primitive: dict[str, Any], count: int) -> Int[np.ndarray, "f 3"]:
+def triangles(document: Document, primitive: dict[str, Any], count: int) -> Int[np.ndarray, "f 3"]:
     """Return the corners of a primitive's triangles; strips and fans are taken apart."""
     mode = primitive.get("mode", TRIANGLES)
     indices = primitive.get("indices")

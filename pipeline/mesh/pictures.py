@@ -14,8 +14,9 @@ from pathlib import Path
 from PIL import Image
 
 from pipeline.errors import InputError
-from pipeline.mesh.file_checks import colour_files, gltf_fault
+from pipeline.mesh.companion_files import colour_files
 from pipeline.mesh.gltf_document import data_of, open_document
+from pipeline.mesh.gltf_json import gltf_fault
 
 FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF", "TGA")
 MOST_TEXELS = 8192**2

@@ -15,11 +15,11 @@ from jaxtyping import Float, Int
 
 from pipeline.errors import InputError
 from pipeline.mesh.file_checks import check_file
+from pipeline.mesh.gltf_checks import check_count
 from pipeline.mesh.gltf_reader import Piece, read_gltf
 from pipeline.mesh.mesh import Mesh, check_mesh
 from pipeline.mesh.obj_reader import parse_obj
 
-MOST_FACES = 5_000_000
 _NO_FACES = np.zeros((0, 3), np.int64)
 LEAST_EXTENT, MOST_EXTENT = 1e-30, 1e30
 """Beyond these the asset's float32 positions would run out of range."""
@@ -185,10 +185,7 @@ def _check(mesh: InputMesh, path: Path) -> InputMesh:
             f"{path}: {len(mesh.vertices)} points but no faces; a point cloud is no mesh: give triangles"
         )
     check_mesh(Mesh(mesh.vertices, mesh.faces), str(path))
-    if len(mesh.faces) > MOST_FACES:
-        raise InputError(
-            f"{path}: {len(mesh.faces)} faces, expected at most {MOST_FACES}; decimate the mesh first"
-        )
+    check_count(len(mesh.faces), path)
     used = mesh.vertices[mesh.faces]
     with np.errstate(over="ignore"):
         extent = float(np.ptp(used.reshape(-1, 3), axis=0).max())

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from pipeline.mesh.file_checks import beside
+from pipeline.mesh.companion_files import beside
 from pipeline.mesh.gltf import (
     ARRAY_BUFFER,
     ELEMENT_ARRAY_BUFFER,

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import InputError
-from pipeline.mesh.file_checks import buffer_files, colour_files
+from pipeline.mesh.companion_files import buffer_files, colour_files
 from pipeline.options.job import Job
 from pipeline.options.models import DEFAULT_MODEL, bundle_folder
 from pipeline.options.schema import read_yaml

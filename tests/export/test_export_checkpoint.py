@@ -163,6 +163,15 @@ def test_what_was_asked_for_wrongly_is_one_line(
     assert reason in without_effort(environment, tmp_path / "models", capsys)
 
 
+def test_a_pickle_is_refused_before_anything_is_imported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.ckpt").write_bytes(b"pickled")
+    monkeypatch.setitem(sys.modules, "diffusers", None)
+    environment = {"CHECKPOINT": str(tmp_path / "a.ckpt"), "NAME": "x"}
+    assert "pickles" in without_effort(environment, tmp_path / "models", capsys)
+
+
 def test_an_export_that_is_stopped_leaves_nothing(
     source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -138,3 +138,8 @@ def test_a_stopped_training_goes_on_to_the_same_weights(tmp_path, monkeypatch):
     still = torch.load(tmp_path / "parts" / "denoiser.state.pt", weights_only=True)["model"]
     before = torch.load(tmp_path / "whole" / "denoiser.state.pt", weights_only=True)["model"]
     assert all(torch.equal(value, still[name]) for name, value in before.items())
+    # `restore` knows of no shards, and its step is any.
+    state = tmp_path / "parts" / "denoiser.state.pt"
+    torch.save(torch.load(state, weights_only=True) | {"shards": 0}, state)
+    train(tmp_path / "parts", 6, objects_a_step=2, **SMALL)
+    assert torch.load(state, weights_only=True)["shards"] == 1

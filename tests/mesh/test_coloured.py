@@ -14,6 +14,8 @@ from pipeline.cameras import orbit_camera
 from pipeline.errors import InputError
 from pipeline.mesh.coloured import face_coloured, picture_of, read_coloured, textured, to_linear, to_srgb
 from pipeline.mesh.mesh import Mesh
+from pipeline.mesh.readers import read_mesh
+from tests.rigged_model import rigged_glb
 
 CAMERA = orbit_camera(0.0, np.pi / 2, 3.0, np.radians(40))
 SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
@@ -119,3 +121,27 @@ def test_what_is_missing_is_named(tmp_path: Path) -> None:
             read_coloured(tmp_path / "a.obj")
     (tmp_path / "m.mtl").write_text("newmtl m\nKd 1 0 0\n")
     np.testing.assert_allclose(read_coloured(tmp_path / "a.obj").colours[0, 0], [1, 0, 0])
+
+
+def test_a_rigged_model_is_shown_in_its_rest_pose(tmp_path: Path) -> None:
+    (tmp_path / "a.glb").write_bytes(rigged_glb())
+    given, coloured = read_mesh(tmp_path / "a.glb"), read_coloured(tmp_path / "a.glb")
+    np.testing.assert_array_equal(coloured.vertices, given.vertices)
+    wanted, found = (np.sort(m.vertices[m.faces].sum(1), axis=0) for m in (given, coloured))
+    np.testing.assert_allclose(found, wanted, atol=1e-12)
+
+
+def test_twins_of_other_colours_stay_apart(tmp_path: Path) -> None:
+    scene = trimesh.Scene()
+    for name, colour, x in (("a", [255, 0, 0, 255], -2.0), ("b", [0, 255, 0, 255], 2.0)):
+        visual = trimesh.visual.TextureVisuals(
+            UV, material=trimesh.visual.material.PBRMaterial(name=name, baseColorFactor=colour)
+        )
+        scene.add_geometry(
+            square(visual), geom_name=name, transform=trimesh.transformations.translation_matrix([x, 0, 0])
+        )
+    scene.export(tmp_path / "a.glb")
+    mesh = read_coloured(tmp_path / "a.glb")
+    left = mesh.vertices[mesh.faces].mean(1)[:, 0] < 0
+    np.testing.assert_allclose(mesh.colours[left].reshape(-1, 3), np.tile([1.0, 0, 0], (6, 1)), atol=1e-6)
+    np.testing.assert_allclose(mesh.colours[~left].reshape(-1, 3), np.tile([0, 1.0, 0], (6, 1)), atol=1e-6)

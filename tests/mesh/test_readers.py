@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from pipeline.errors import InputError
-from pipeline.mesh.file_checks import buffer_files
+from pipeline.mesh.companion_files import buffer_files
 from pipeline.mesh.readers import InputMesh, read_mesh
 from tests.faults import hostile
 

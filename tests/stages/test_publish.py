@@ -10,7 +10,7 @@ import trimesh
 from PIL import Image
 
 from pipeline.errors import InputError
-from pipeline.mesh.file_checks import read_gltf_json
+from pipeline.mesh.gltf_json import read_gltf_json
 from pipeline.mesh.mesh import read_obj, write_obj
 from pipeline.mesh.shading import Light, shade
 from pipeline.mesh.texture import paint, surface_texels

@@ -96,7 +96,7 @@ def train(
     for step in range(start, steps):
         if step % LOOK_FOR_SHARDS_EVERY == 0 or not objects.rows:
             numbers = shard_numbers(work / "pictures")
-            shards = len(numbers) if step % LOOK_FOR_SHARDS_EVERY == 0 else shards
+            shards = len(numbers) if step % LOOK_FOR_SHARDS_EVERY == 0 or not shards else shards
             objects = load_objects(work / "pictures", numbers[:shards], objects)
         batch = draw_batch(objects, step, objects_a_step)
         if step < half_until:
