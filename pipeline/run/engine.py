@@ -58,7 +58,10 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
     check_job(job)
     open_bundle(folder, verify=not run.exists())  # before anything is written
     pace = machine_pace()  # before anything else is going on
-    with _user_view_of_os_errors(), locked(run), _warmed(job, run, settings, threads) as variables:
+    with _user_view_of_os_errors(), locked(run), contextlib.ExitStack() as stack:
+        variables = None
+        if _missing(run):  # while the plan is made
+            variables = stack.enter_context(_warmed(job, run, settings, threads))
         steps = _plan(job, run)
         described = jobs.to_yaml(job)
         if all(step.verdict == "unchanged" for step in steps):
@@ -79,13 +82,18 @@ def run_job(job: Job, out: Path, threads: int, profile: str = "local") -> Path:
         groups = [] if here else ["--groups", *(f"{stage.name}=run" for stage in stages_of(job))]
         arguments = ["--forcerun", *stale, *groups, "--config", *config]
         told = [run / PROGRESS]
+        variables = variables or stack.enter_context(_warmed(job, run, settings, threads))
         if run_snakemake(snakefile(job), run, arguments, threads, settings, variables, told):
             raise failure(job, run)
-        missing = [name for name in RESULTS if not (run / name).is_file()]
-        if missing:
+        if missing := _missing(run):
             raise StageFailure(f"the chain ended without {', '.join(missing)}; see {run}/logs/snakemake.log")
         point_latest(run)
     return run
+
+
+def _missing(run: Path) -> list[str]:
+    """Return the results that a run's folder lacks; none: it came to its end once, and may need nothing."""
+    return [name for name in RESULTS if not (run / name).is_file()]
 
 
 def _plan(job: Job, run: Path) -> list[Step]:

@@ -83,11 +83,18 @@ def serve(address: Path, stages: Sequence[str]) -> None:
     running: dict[int, Running] = {}
     # Ctrl-C reaches all processes of a terminal: who started the server says what is to end, and how.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _interrupt)
+    told: list[int] = []
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        told.append(number)  # what a library that is being imported may catch
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, interrupt)
     with contextlib.suppress(KeyboardInterrupt), socket.socket(socket.AF_UNIX) as listening:
         listening.bind(str(address))
         listening.listen()
-        while True:
+        while not told:
             if left:
                 _import(left.pop(0))
             callers = {process: one.caller for process, one in running.items() if one.until == math.inf}
@@ -106,11 +113,6 @@ def serve(address: Path, stages: Sequence[str]) -> None:
     while running:
         time.sleep(TICK)
         _reap(running)
-
-
-def _interrupt(number: int, frame: FrameType | None) -> None:
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    raise KeyboardInterrupt
 
 
 def _end(running: dict[int, Running], process: int) -> None:

@@ -126,6 +126,29 @@ def test_a_stage_ends_with_its_caller(project: Project, run: Path, server: dict[
         (project.root / "slow").unlink()
 
 
+def test_a_server_that_is_told_to_end_while_it_imports_ends(project: Project, run: Path) -> None:
+    """Some libraries catch everything while they are imported, the interrupt with it."""
+    stage = project.root / "pipeline" / "stages" / "catches.py"
+    started = run / "started"
+    stage.write_text(
+        f"import pathlib, time\ntry:\n    pathlib.Path({str(started)!r}).touch()\n    time.sleep(60)\n"
+        "except BaseException:\n    pass\n"
+    )
+    serving = subprocess.Popen(
+        [sys.executable, "-m", "pipeline.run.stage_server", "--serve", ".catches", "catches"],
+        cwd=run, env={**clean_environment(), "PYTHONPATH": str(project.root)},
+    )  # fmt: skip
+    deadline = time.monotonic() + 60
+    while not started.exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    serving.terminate()
+    try:
+        assert serving.wait(30) == 0
+    finally:
+        serving.kill()
+        stage.unlink()
+
+
 def test_without_an_answering_server_the_stage_starts_by_itself(project: Project, run: Path) -> None:
     environment = {**clean_environment(), "PYTHONPATH": str(project.root), ADDRESS: "nobody"}
     assert clean(run, environment).returncode == 0
