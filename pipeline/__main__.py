@@ -15,6 +15,7 @@ from typing import NoReturn
 
 from pipeline.cli.arguments import make_parser, parse, variables_of_make
 from pipeline.cli.variables import verbs
+from pipeline.documents import whole_number
 from pipeline.errors import InputError, one_line
 from pipeline.files import say_refusal, write_text
 from pipeline.options import job as jobs
@@ -144,12 +145,13 @@ def _serve(environment: Mapping[str, str]) -> int:
         )
     from pipeline.server.serve import serve
 
-    port = environment.get("PORT") or "8008"
-    if not port.isdecimal() or int(port) > 65_535:
-        raise InputError(f"PORT is {short(port)}, expected a whole number from 0 to 65535")
+    text = environment.get("PORT") or "8008"
+    port = whole_number(text)
+    if port is None or port > 65_535:
+        raise InputError(f"PORT is {short(text)}, expected a whole number from 0 to 65535")
     out, threads = check_out(environment.get("OUT") or "runs"), _threads(environment)
     host, profile = environment.get("HOST") or "127.0.0.1", environment.get("PROFILE") or "local"
-    serve(out, host, int(port), threads, profile, lambda line: print(line, flush=True))
+    serve(out, host, port, threads, profile, lambda line: print(line, flush=True))
     return 0
 
 
@@ -217,9 +219,9 @@ def _threads(environment: Mapping[str, str]) -> int:
     text = environment.get("THREADS", "")
     if not text:
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if not text.isdecimal() or not 1 <= int(text) <= 1024:
-        raise InputError(f"THREADS is {text!r}, expected a whole number from 1 to 1024")
-    return int(text)
+    if not 1 <= (threads := whole_number(text) or 0) <= 1024:
+        raise InputError(f"THREADS is {short(text)}, expected a whole number from 1 to 1024")
+    return threads
 
 
 COMMANDS = {

@@ -1,4 +1,4 @@
-"""JSON from strangers: every damage is one error.
+"""JSON and numbers from strangers: every damage is one error.
 
 `json.loads` raises four kinds of error for damaged text, and takes `NaN`, infinities, numbers of any length
 and halves of characters, which break whatever reads the values later.
@@ -42,6 +42,12 @@ def parse_object(text: str | bytes) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise ValueError(f"a JSON {type(value).__name__} instead of an object")
     return value
+
+
+def whole_number(text: str | bytes) -> int | None:
+    """Return the number that up to 18 digits write; None for anything else. `int` takes spaces, signs, lines,
+    underscores and other scripts' digits, and fails beyond 4300; `isdigit` takes superscripts."""
+    return int(text) if text.isascii() and text.isdigit() and len(text) <= 18 else None
 
 
 def read_json(path: Path, mend: str) -> dict[str, Any]:

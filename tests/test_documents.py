@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.documents import MOST_BYTES, parse_json, parse_object, read_json
+from pipeline.documents import MOST_BYTES, parse_json, parse_object, read_json, whole_number
 from pipeline.errors import InputError
 
 
@@ -52,3 +52,13 @@ def test_what_is_no_file_is_named(tmp_path: Path) -> None:
     for path in (tmp_path, tmp_path / "absent.json"):
         with pytest.raises(InputError, match="missing, expected a JSON file"):
             read_json(path, "export it again")
+
+
+@pytest.mark.parametrize("text", ["", " 1", "1 ", "+1", "-1", "1_0", "1.0", "²", "٣", "9" * 19, "9" * 5000])
+def test_what_only_looks_like_a_number_is_none(text: str) -> None:
+    assert whole_number(text) is None
+
+
+def test_numbers_are_read_of_text_and_of_bytes() -> None:
+    assert whole_number("9" * 18) == 10**18 - 1
+    assert whole_number(b"007") == 7

@@ -18,6 +18,7 @@ import numpy as np
 from pipeline.diffusion.bundle import check_graph
 from pipeline.diffusion.onnx_file import OnnxFile
 from pipeline.diffusion.providers import provider_chain
+from pipeline.documents import whole_number
 from pipeline.errors import InputError
 
 Array: TypeAlias = np.ndarray
@@ -140,8 +141,7 @@ class Graph:
 def usable_threads() -> int:
     """Return the cores that this process may use; OMP_NUM_THREADS lowers it, as for torch and numpy."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    wished = os.environ.get("OMP_NUM_THREADS", "")
-    return min(cores, int(wished)) if wished.isdigit() and int(wished) > 0 else cores
+    return min(cores, whole_number(os.environ.get("OMP_NUM_THREADS", "")) or cores)
 
 
 def explain_load_error(message: str) -> str:

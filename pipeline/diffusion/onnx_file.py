@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from pipeline.documents import whole_number
 from pipeline.errors import InputError
 
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
@@ -133,9 +134,7 @@ def _external(data: mmap.mmap, span: _Span) -> External | None:
             location = value
     if location != 1:
         return None
-    offset, length = (
-        int(entries[key]) if entries.get(key, "").isdigit() else 0 for key in ("offset", "length")
-    )
+    offset, length = (whole_number(entries.get(key, "")) or 0 for key in ("offset", "length"))
     return External(name, entries.get("location", ""), offset, length)
 
 

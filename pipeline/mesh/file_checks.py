@@ -6,6 +6,7 @@ import re
 import struct
 from pathlib import Path
 
+from pipeline.documents import whole_number
 from pipeline.errors import InputError
 from pipeline.mesh.gltf_checks import check_count, check_gltf
 
@@ -36,6 +37,8 @@ def _claimed_faces(path: Path) -> int:
     """Return how many triangles a mesh file has at least, without reading them; 0: it does not say (and of
     glTF, which `check_gltf` counts)."""
     suffix = path.suffix.lower()
+    if suffix in (".glb", ".gltf"):
+        return 0
     if suffix == ".obj":
         return path.read_bytes().count(b"\nf ")
     with path.open("rb") as stream:
@@ -43,8 +46,10 @@ def _claimed_faces(path: Path) -> int:
     if suffix == ".stl":
         count = struct.unpack("<I", head[80:84])[0] if len(head) >= 84 else 0
         return count if path.stat().st_size == 84 + 50 * count else 0
-    pattern = rb"^element\s+face\s+(\d+)" if suffix == ".ply" else rb"\A\s*\w*OFF\s+(?:#.*\s+)*\d+\s+(\d+)"
-    found = re.search(pattern, head, re.MULTILINE) if suffix in (".ply", ".off") else None
+    if suffix == ".ply":
+        found = re.search(rb"^element\s+face\s+(\d{1,18})\b", head, re.MULTILINE)
+    else:
+        found = re.match(rb"\s*\w*OFF\s+(?:#[^\n]*\n\s*)*\d{1,18}\s+(\d{1,18})\b", head)
     return int(found[1]) if found else 0
 
 
@@ -82,8 +87,8 @@ def check_ply(path: Path) -> None:
         if words[:2] == [b"element", b"tristrips"]:
             raise InputError(f"{path}: is made of triangle strips; export it as triangles")
         if words[:1] == [b"element"]:
-            count = int(words[2]) if len(words) == 3 and words[2].isdigit() else -1
-            if not 0 <= count <= size:
+            count = whole_number(words[2]) if len(words) == 3 else None
+            if count is None or count > size:
                 said = b" ".join(words[1:]).decode("ascii", "replace")[:60]
                 raise InputError(
                     f"{path}: claims {said!r} in {size} bytes; the file is cut off: copy it again"

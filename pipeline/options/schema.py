@@ -70,7 +70,15 @@ def check_text(name: str, text: str) -> None:
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML without tags that execute, and with each key once: of two sections one would be lost."""
+    """YAML without tags that execute, without numbers that cannot be printed, and with each key once: of two
+    sections one would be lost."""
+
+    def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
+        """Build a whole number of at most 64 bits."""
+        value = int(super().construct_yaml_int(node)) if len(node.value) < 100 else 2**63
+        if abs(value) >= 2**63:
+            raise yaml.YAMLError(f"{short(node.value)} in line {node.start_mark.line + 1} has over 64 bits")
+        return value
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         """Build a mapping; a key said twice is an error."""
@@ -81,6 +89,9 @@ class _Loader(yaml.SafeLoader):
                 raise yaml.YAMLError(f"{short(name)} stands twice, again in line {key.start_mark.line + 1}")
             seen.add(name)
         return super().construct_mapping(node, deep)
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_yaml_int)
 
 
 def read_yaml(path: Path) -> dict[str, Any]:

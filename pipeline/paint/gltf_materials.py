@@ -11,6 +11,7 @@ import copy
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from pipeline.documents import whole_number
 from pipeline.mesh.gltf import material_properties
 from pipeline.mesh.materials import Material
 
@@ -41,10 +42,9 @@ class Painter:
             for i, primitive in enumerate(mesh["primitives"])
         ]
         sets = [
-            int(name[9:])
+            whole_number(name.removeprefix("TEXCOORD_")) or 0
             for _, primitive in primitives
             for name in primitive["attributes"]
-            if name.startswith("TEXCOORD_") and name[9:].isdigit()
         ]
         self.free_set = max([0, *sets]) + 1
         self._json, self._texture, self._material, self._moved = json, texture, material, moved

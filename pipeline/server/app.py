@@ -15,6 +15,7 @@ from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Respon
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
+from pipeline.documents import whole_number
 from pipeline.errors import InputError
 from pipeline.files import refusal
 from pipeline.options import job as jobs
@@ -303,8 +304,7 @@ async def _json(request: Request) -> dict[str, Any]:
 async def _stream(request: Request) -> AsyncIterator[bytes]:
     if request.headers.get("content-type", "").partition(";")[0].strip() != "application/octet-stream":
         raise HTTPException(415, "send the file's bytes, with content-type: application/octet-stream")
-    declared = request.headers.get("content-length", "0")
-    if declared.isdigit() and int(declared) > uploads.LARGEST:
+    if (whole_number(request.headers.get("content-length", "")) or 0) > uploads.LARGEST:
         raise uploads.TooLarge(f"the file is larger than {uploads.LARGEST >> 20} MB: make it smaller")
     async for chunk in request.stream():
         yield chunk

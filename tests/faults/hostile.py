@@ -123,6 +123,7 @@ MESHES: dict[str, tuple[Callable[[], bytes], str]] = {
     "flat.obj": (lambda: b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "area"),
     "speck.obj": (lambda: b"v 0 0 0\nv 1e-35 0 0\nv 0 1e-35 0\nf 1 2 3\n", "wide"),
     "vast.obj": (lambda: b"v 0 0 0\nv 1e35 0 0\nv 0 1e35 0\nf 1 2 3\n", "wide"),
+    "digits.ply": (lambda: ply(f"element face {'9' * 5000}\n{LISTS}", b""), "claims"),
     "claims.ply": (lambda: ply("element face 4000000000\n" + LISTS, b""), "claims"),
     "corners.ply": (
         lambda: ply("element face 1\n" + LISTS, struct.pack("<Iiii", 4_000_000_000, 0, 1, 2)),

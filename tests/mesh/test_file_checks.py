@@ -35,7 +35,7 @@ def test_a_text_stl_says_no_count_and_an_off_may_have_comments(
     trimesh.creation.box().export(tmp_path / "a.stl", file_type="stl_ascii")
     check_file(tmp_path / "a.stl")
     made = trimesh.creation.box().export(file_type="off").split("\n", 1)
-    (tmp_path / "a.off").write_text(f"{made[0]}\n# of a box\n\n{made[1]}")
+    (tmp_path / "a.off").write_text(f"{made[0]}\n# of a box\n\n{'# ' * 20_000}\n{made[1]}")
     with pytest.raises(InputError, match="12 faces"):
         check_file(tmp_path / "a.off")
 
