@@ -63,7 +63,7 @@ ROOMS = [
     ["mesh"],
     ["options"],
     ["kernels"],
-    ["documents"],
+    ["documents", "stand_ins"],
     ["arrays", "cameras", "files", "progress"],
     ["errors"],
 ]

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from pipeline.documents import whole_number
 from pipeline.errors import InputError
+from pipeline.stand_ins import check_fetched
 
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 _Span = tuple[int, int]
@@ -173,16 +174,7 @@ def read_onnx(path: Path) -> OnnxFile:
     size = path.stat().st_size
     if size == 0:
         raise InputError(f"{path}: 0 bytes, expected an ONNX model; copy the file again")
-    with path.open("rb") as file:
-        head = file.read(512)
-    if head.startswith(b"version https://git-lfs"):
-        raise InputError(
-            f"{path}: a Git LFS pointer, expected an ONNX model; run `git lfs pull` in its repository"
-        )
-    if head.lstrip().lower().startswith((b"<!doctype", b"<html")):
-        raise InputError(
-            f"{path}: a web page, expected an ONNX model; download the file itself, not its page"
-        )
+    check_fetched(path, "an ONNX model")
     found = OnnxFile(path)
     graphs = 0
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:

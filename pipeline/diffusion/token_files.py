@@ -9,6 +9,7 @@ Formats, one file a concept, n x d numbers being n tokens of width d:
 from __future__ import annotations
 
 import pickle
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,8 @@ from pipeline.options.schema import short
 
 MOST_VECTORS = 75
 """More tokens do not fit into CLIP's window."""
+MOST_WIDTH = 65_536
+"""Of an embedding: the widest text encoders have 4,096."""
 
 
 def read_token(path: Path) -> LearnedToken:
@@ -37,12 +40,17 @@ def read_token(path: Path) -> LearnedToken:
     check_token(path)
     values = _safetensors(path) if path.suffix.lower() == ".safetensors" else _torch_file(path)
     name, tensor = _concept(path, values)
-    vectors = tensor.detach().to(torch.float32).numpy()
-    vectors = np.ascontiguousarray(vectors[None] if vectors.ndim == 1 else vectors)
-    if vectors.ndim != 2 or not 1 <= len(vectors) <= MOST_VECTORS or not vectors.shape[1]:
+    if tensor.layout != torch.strided or tensor.is_quantized or tensor.is_complex() or tensor.is_meta:
+        raise InputError(
+            f"TOKEN {path}: a tensor of {tensor.dtype}, {tensor.layout}, on {tensor.device}, expected plain "
+            "floats; learn it again"
+        )
+    count, width = (1, *tensor.shape) if tensor.ndim == 1 else tensor.shape if tensor.ndim == 2 else (0, 0)
+    if not 1 <= count <= MOST_VECTORS or not 1 <= width <= MOST_WIDTH:
         raise InputError(
             f"TOKEN {path}: an array of shape {tuple(tensor.shape)}, expected 1 to {MOST_VECTORS} embeddings"
         )
+    vectors = np.ascontiguousarray(tensor.detach().to(torch.float32).numpy().reshape(count, width))
     if not np.isfinite(vectors).all():
         raise InputError(f"TOKEN {path}: holds NaN or infinity, expected finite numbers; learn it again")
     names = dict.fromkeys(text for text in (name, path.stem) if text.strip() and text != ANY)
@@ -61,7 +69,8 @@ def _safetensors(path: Path) -> dict[str, Any]:
 def _torch_file(path: Path) -> dict[str, Any]:
     try:
         # Old files wrap their tensors in a ParameterDict, a plain container.
-        with torch.serialization.safe_globals([torch.nn.ParameterDict]):
+        with torch.serialization.safe_globals([torch.nn.ParameterDict]), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
             values = torch.load(
                 path, map_location="cpu", weights_only=True
             )  # pickles that execute are refused

@@ -9,6 +9,7 @@ from pathlib import Path
 from pipeline.documents import whole_number
 from pipeline.errors import InputError
 from pipeline.mesh.gltf_checks import check_count, check_gltf
+from pipeline.stand_ins import check_fetched
 
 FORMATS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 HEADER = 1 << 16
@@ -27,6 +28,7 @@ def check_file(path: Path) -> None:
         )
     if not path.stat().st_size:
         raise InputError(f"{path}: 0 bytes, expected a mesh; export or copy it again")
+    check_fetched(path, "a mesh")
     check = {".ply": check_ply, ".stl": check_stl, ".glb": check_gltf, ".gltf": check_gltf}.get(suffix)
     if check:
         check(path)

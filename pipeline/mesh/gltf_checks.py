@@ -11,8 +11,10 @@ from pipeline.mesh.gltf_json import gltf_fault, read_gltf_json, shown_nodes
 
 MOST_FACES = 5_000_000
 """Of any mesh."""
-MOST_ELEMENTS = 20_000_000
-"""Of one glTF accessor that has no data behind it and stands for zeros."""
+MOST_VERTICES = 3 * MOST_FACES
+"""Of the pieces that a glTF scene shows; also of an accessor without data, which stands for zeros."""
+MOST_NODES = 100_000
+"""They are placed one by one, in two seconds."""
 MOST_DEPTH = 100
 """Of glTF nodes: a hand's skeleton has ten levels, and placing a node takes as long as it is deep."""
 _TRIANGLES = {4: "triangles", 5: "triangle strips", 6: "triangle fans"}
@@ -39,9 +41,13 @@ def check_gltf(path: Path) -> None:
         for index, accessor in enumerate(accessors):
             count = int(accessor["count"])
             view = accessor.get("bufferView")
-            most = MOST_ELEMENTS if view is None else int(views[view]["byteLength"])
+            most = MOST_VERTICES if view is None else int(views[view]["byteLength"])
             if not 0 <= count <= most:
                 raise InputError(f"{path}: accessor {index} claims {count} elements; the file is damaged")
+        if len(document.get("nodes", ())) > MOST_NODES:
+            raise InputError(
+                f"{path}: {len(document['nodes'])} glTF nodes, expected at most {MOST_NODES}; join the parts"
+            )
         children = [[int(child) for child in node.get("children", ())] for node in document.get("nodes", [])]
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
         raise InputError(f"{path}: not valid glTF ({gltf_fault(error)}); export it again") from None
@@ -51,7 +57,12 @@ def check_gltf(path: Path) -> None:
     _check_tree(children, path)
     try:
         _check_shown(document, path)
-        check_count(_triangles(document), path)
+        faces, vertices = _shown_counts(document)
+        check_count(faces, path)
+        if vertices > MOST_VERTICES:
+            raise InputError(
+                f"{path}: {vertices} vertices, expected at most {MOST_VERTICES}; decimate the mesh first"
+            )
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
         raise InputError(f"{path}: not valid glTF ({gltf_fault(error)}); export it again") from None
 
@@ -69,17 +80,20 @@ def _check_version(document: dict[str, Any], path: Path) -> None:
         raise InputError(f"{path}: glTF {str(version)[:20]} is not read: convert it to 2.0")
 
 
-def _triangles(document: dict[str, Any]) -> int:
-    """Return how many triangles the scene of a document that was checked shows; a mesh counts once a node."""
-    found = 0
+def _shown_counts(document: dict[str, Any]) -> tuple[int, int]:
+    """Return how many triangles and vertices the scene of a document that was checked shows; a mesh counts
+    once a node, a primitive as its longest attribute."""
+    counts = [int(accessor["count"]) for accessor in document.get("accessors", ())]
+    triangles = vertices = 0
     for node in (document["nodes"][row] for row in shown_nodes(document)):
         for primitive in document["meshes"][node["mesh"]]["primitives"] if "mesh" in node else ():
-            mode = int(primitive.get("mode", 4))
-            corners = primitive.get("indices", primitive["attributes"].get("POSITION"))
-            if mode in _TRIANGLES and corners is not None:
-                count = int(document["accessors"][corners]["count"])
-                found += count // 3 if mode == 4 else max(count - 2, 0)
-    return found
+            mode, attributes = int(primitive.get("mode", 4)), primitive["attributes"]
+            if mode in _TRIANGLES and "POSITION" in attributes:
+                corners = counts[primitive.get("indices", attributes["POSITION"])]
+                triangles += corners // 3 if mode == 4 else max(corners - 2, 0)
+                morphed = [row for target in primitive.get("targets", ()) for row in target.values()]
+                vertices += max(counts[row] for row in (*attributes.values(), *morphed))
+    return triangles, vertices
 
 
 def _check_shown(document: dict[str, Any], path: Path) -> None:

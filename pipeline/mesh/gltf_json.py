@@ -48,8 +48,9 @@ def shown_nodes(json: dict[str, Any]) -> list[int]:
     else:
         children = {child for node in nodes for child in node.get("children", ())}
         waiting = [row for row in range(len(nodes)) if row not in children][::-1]
-    found = []
+    found: dict[int, None] = {}
     while waiting:
-        found.append(row := waiting.pop())
-        waiting += nodes[row].get("children", [])[::-1]
-    return list(dict.fromkeys(found))
+        if (row := waiting.pop()) not in found:
+            found[row] = None
+            waiting += nodes[row].get("children", [])[::-1]
+    return list(found)

@@ -51,7 +51,8 @@ def read_gltf(path: Path) -> tuple[Document, list[Piece]]:
     check_gltf(path)
     document = open_document(path)
     try:
-        return document, list(_pieces(document))
+        with np.errstate(all="ignore"):  # what is not finite is named by who reads
+            return document, list(_pieces(document))
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
         raise InputError(f"{path}: not a readable glTF mesh ({gltf_fault(error)}); export it again") from None
 

@@ -20,6 +20,9 @@ from jaxtyping import Float, Int
 
 from pipeline.errors import InputError
 
+MOST_CUTTING = 4e9
+"""Of squares of polygons' corners together: cutting one of 60,000 corners that cross takes ten seconds."""
+
 
 class ObjArrays(NamedTuple):
     """The file's arrays; indices are not checked for their upper bound yet."""
@@ -79,6 +82,11 @@ def parse_obj(path: Path) -> ObjArrays:
             f"{path}: line {number} is no OBJ statement ({error}); expected lines such as v 0 0 1 and "
             "f 1 2 3; export the mesh again"
         ) from None
+    if sum(count * count for count in sides if count > 1000) > MOST_CUTTING:
+        raise InputError(
+            f"{path}: has polygons of up to {max(sides)} corners, expected 60000 at most, or fewer of them; "
+            "triangulate the mesh first"
+        )
     indices = np.array(corners, np.int64).reshape(-1, 3)
     triangles, polygon = _triangulate(points, indices[:, 0], np.array(sides, np.int64))
     level = next((i for i in range(3) if any(name[i] for name in named)), 0)

@@ -13,12 +13,14 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
+from pipeline.documents import whole_number
 from pipeline.errors import InputError
 from pipeline.mesh.file_checks import check_file
 from pipeline.mesh.gltf_checks import check_count
 from pipeline.mesh.gltf_reader import Piece, read_gltf
 from pipeline.mesh.mesh import Mesh, check_mesh
 from pipeline.mesh.obj_reader import parse_obj
+from pipeline.options.schema import short
 
 _NO_FACES = np.zeros((0, 3), np.int64)
 LEAST_EXTENT, MOST_EXTENT = 1e-30, 1e30
@@ -96,6 +98,8 @@ def _outwards(piece: Piece) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "
 
 def _read_other(path: Path, suffix: str) -> InputMesh:
     """Read with trimesh what is left after the checks that it lacks."""
+    if suffix == ".off":
+        _check_off(path)
     try:
         scene = trimesh.load_scene(path, file_type=suffix[1:], process=False, validate=False)
         parts = [
@@ -116,6 +120,25 @@ def _read_other(path: Path, suffix: str) -> InputMesh:
     ) as error:  # trimesh lets IndexError, JSONDecodeError, ModuleNotFoundError and more escape
         said = " ".join(str(error).split())[:200] or type(error).__name__
         raise InputError(f"{path}: not a readable {suffix[1:]} mesh ({said}); export it again") from None
+
+
+def _check_off(path: Path) -> None:
+    """Raise InputError for a face with fewer corners than it claims: trimesh reads three of them."""
+    lines = (line.partition(b"#")[0].split() for line in path.read_bytes().split(b"\n"))
+    words = [line for line in lines if line]
+    if words and words[0][0].endswith(b"OFF"):
+        words[0] = words[0][1:]
+        words = words[not words[0] :]
+    counts = [whole_number(word) for word in words[0]] if words else []
+    if len(counts) < 2 or counts[0] is None or counts[1] is None:
+        return  # trimesh says what is wrong
+    for row in words[1 + counts[0] : 1 + counts[0] + counts[1]]:
+        claimed = whole_number(row[0])
+        if claimed is None or claimed > len(row) - 1:
+            raise InputError(
+                f"{path}: a face claims {short(row[0].decode('ascii', 'replace'))} corners and has "
+                f"{len(row) - 1}; export the mesh again"
+            )
 
 
 class _Part(NamedTuple):
@@ -193,6 +216,10 @@ def _check(mesh: InputMesh, path: Path) -> InputMesh:
         raise InputError(
             f"{path}: the mesh is {extent:g} units wide, expected {LEAST_EXTENT:g} to {MOST_EXTENT:g}; "
             "scale it"
+        )
+    if (far := float(np.abs(used).max())) > MOST_EXTENT:
+        raise InputError(
+            f"{path}: reaches {far:g} units from the origin, expected at most {MOST_EXTENT:g}; move the mesh"
         )
     first, second, third = (used[:, k] / extent for k in range(3))
     if not np.cross(second - first, third - first).any():

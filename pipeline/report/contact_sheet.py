@@ -2,7 +2,6 @@
 
 import csv
 import io
-import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from pipeline.documents import parse_object
 from pipeline.files import publish, write_text
 from pipeline.report import gallery
 
@@ -79,7 +79,7 @@ def _facts(run: Path) -> list[Any]:
     lacks.
     """
     try:
-        manifest = json.loads((run / "manifest.json").read_text(encoding="utf-8"))
+        manifest = parse_object((run / "manifest.json").read_bytes())
         metrics = [entry["metrics"] for entry in manifest["stages"]]
         faces = [one["faces"] for one in metrics if isinstance(one.get("faces"), int)]
         warnings = sum(len(one.get("warnings", ())) for one in metrics)

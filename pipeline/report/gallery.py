@@ -4,7 +4,6 @@ The page holds links alone: pictures are those of the runs, and the viewer is th
 """
 
 import html
-import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from pipeline.documents import parse_object
 from pipeline.progress import duration
 from pipeline.report.page import STYLE
 from pipeline.report.viewer import inline, policy
@@ -91,7 +91,7 @@ def find_runs(out: Path) -> list[Card]:
         ):
             continue
         try:
-            manifest = json.loads(path.read_text(encoding="utf-8"))
+            manifest = parse_object(path.read_bytes())
             job = {str(name): value for name, value in manifest["job"].items()}
             cards.append(Card(folder.name, job, float(manifest["seconds"]), os.path.getmtime(path)))
         except (OSError, ValueError, KeyError, TypeError, AttributeError):

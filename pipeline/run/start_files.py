@@ -7,10 +7,10 @@ are the scene's, not the published ones.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
+from pipeline.documents import read_json
 from pipeline.errors import InputError
 from pipeline.mesh.companion_files import buffer_files, colour_files
 from pipeline.options.job import Job
@@ -50,6 +50,10 @@ def start_files(job: Job) -> dict[str, Path]:
     return found
 
 
+SPENT = {"run": str, "model": str, "calls": int, "training_seconds": float, "seconds": float}
+"""Columns of what was spent on a run."""
+
+
 def spent_before(file: Path) -> list[dict[str, Any]]:
     """Return what was spent on the run that holds a file, and on what that started from, the earliest first:
     by run its name, model, seconds, and calls of the denoiser (steps). Nothing where no manifest says it.
@@ -57,10 +61,11 @@ def spent_before(file: Path) -> list[dict[str, Any]]:
     For people to read: it is no input, since seconds differ between equal runs.
     """
     try:
-        manifest = json.loads((file.parent / "manifest.json").read_text(encoding="utf-8"))
-        earlier = [row for entry in manifest["stages"] for row in entry["metrics"].get("before", ())]
+        manifest = read_json(file.parent / "manifest.json", "make it again")
+        before = [row for entry in manifest["stages"] for row in entry["metrics"].get("before", ())]
+        earlier = [{name: kind(row[name]) for name, kind in SPENT.items()} for row in before]
         return [*earlier, spent(file.parent.resolve().name, manifest["job"]["model"], manifest["stages"])]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (InputError, ValueError, KeyError, TypeError, AttributeError):
         return []
 
 

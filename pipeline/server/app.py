@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import json
 import time
 from collections.abc import AsyncIterator, Mapping
 from pathlib import Path
@@ -15,7 +14,7 @@ from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Respon
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
-from pipeline.documents import whole_number
+from pipeline.documents import parse_object, whole_number
 from pipeline.errors import InputError
 from pipeline.files import refusal
 from pipeline.options import job as jobs
@@ -293,12 +292,9 @@ async def _json(request: Request) -> dict[str, Any]:
         if len(body) > LONGEST:
             raise HTTPException(413, f"a request may have {LONGEST >> 10} kB")
     try:
-        given = json.loads(body)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"the request is no JSON: {error}") from None
-    if not isinstance(given, dict):
-        raise InputError(f"the request is a {type(given).__name__}, expected an object")
-    return given
+        return parse_object(body)
+    except ValueError as error:
+        raise InputError(f"the request is no JSON object: {error}") from None
 
 
 async def _stream(request: Request) -> AsyncIterator[bytes]:

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Literal
 
 from pipeline.diffusion.bundle import open_bundle
+from pipeline.documents import parse_object
 from pipeline.errors import InputError
 from pipeline.files import write_text
 from pipeline.options import job as jobs
@@ -80,7 +81,7 @@ class Queue:
                 self._restore(path)
 
     def _restore(self, path: Path) -> None:
-        kept = json.loads(path.read_text(encoding="utf-8"))
+        kept = parse_object(path.read_bytes())
         job = jobs.load(path.with_suffix(".yaml"))
         state: State = "queued" if kept["state"] == "running" else kept["state"]
         self.asked[path.stem] = self._with_costs(

@@ -170,7 +170,30 @@ MESHES: dict[str, tuple[Callable[[], bytes], str]] = {
         lambda: gltf(buffers=[{"uri": "../../../../etc/passwd", "byteLength": 72}]),
         "outside its folder",
     ),
-    "page.glb": (lambda: b"<!doctype html><html>", "no glTF header"),
+    "page.glb": (lambda: b"<!doctype html><html>", "a web page"),
+    "pointer.obj": (lambda: b"version https://git-lfs.github.com/spec/v1\n", "git lfs pull"),
+    "crossing.obj": (
+        lambda: b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf" + b" 1 2 3" * 30_000,
+        "polygons of up to 90000 corners",
+    ),
+    "corners.off": (
+        lambda: b"OFF # a comment\n\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n4000000000 0 1 2\n",
+        "claims '4000000000' corners and has 3",
+    ),
+    "far.gltf": (lambda: gltf(nodes=[{"mesh": 0, "translation": [1e300, 0, 0]}]), "from the origin"),
+    "large.gltf": (lambda: gltf(nodes=[{"mesh": 0, "scale": [1e308] * 3}]), "units wide"),
+    "many-nodes.gltf": (lambda: gltf(nodes=[{"mesh": 0}, *[{}] * 100_000]), "100001 glTF nodes"),
+    "zeros.gltf": (
+        lambda: gltf(
+            nodes=[{"mesh": 0}] * 100,
+            scenes=[{"nodes": list(range(100))}],
+            accessors=[
+                {"componentType": 5126, "count": 2_000_000, "type": "VEC3"},
+                {"bufferView": 1, "componentType": 5125, "count": 6, "type": "SCALAR"},
+            ],
+        ),
+        "200000000 vertices",
+    ),
     "a-picture.obj": (lambda: png(8, 8), "obj"),
     "readme.md": (lambda: b"# hello", "the ending is .md"),
 }

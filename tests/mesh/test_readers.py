@@ -182,6 +182,15 @@ def test_primitives_of_a_mesh_have_the_same_names_every_time(tmp_path: Path) -> 
     np.testing.assert_array_equal(first.vertices, second.vertices)
 
 
+def test_a_scene_may_name_a_root_again_and_again(tmp_path: Path) -> None:
+    children = [{"mesh": 0}] * 1000
+    document = hostile.gltf(
+        nodes=[{"children": list(range(1, 1001))}, *children], scenes=[{"nodes": [0] * 100_000}]
+    )
+    (tmp_path / "a.gltf").write_bytes(document)
+    assert len(read_mesh(tmp_path / "a.gltf").faces) == 2000
+
+
 def test_thousands_of_nodes_that_show_one_mesh_get_names_of_their_own(tmp_path: Path) -> None:
     nodes = [{"mesh": 0, "translation": [i, 0, 0]} for i in range(3000)]
     many = hostile.gltf(
