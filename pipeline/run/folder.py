@@ -7,6 +7,7 @@ is emptied that is not ours.
 import contextlib
 import fcntl
 import os
+import shutil
 import stat
 import time
 from collections.abc import Iterator, Sequence
@@ -33,6 +34,8 @@ def check_out(text: str) -> Path:
         raise InputError(f"OUT is {text!r}, but {nearest} is a file: {otherwise}")
     if not os.access(nearest, os.W_OK):
         raise InputError(f"OUT is {text!r}, but {nearest} cannot be written to: {otherwise}")
+    if not shutil.disk_usage(nearest).total:  # /proc and its like, whatever their permissions say
+        raise InputError(f"OUT is {text!r}, but {nearest} is no place for files: {otherwise}")
     return Path(text)
 
 
