@@ -9,7 +9,7 @@ from urllib.parse import unquote
 from pipeline.errors import InputError
 from pipeline.mesh.gltf_json import read_gltf_json
 
-_HEADER = 1 << 16
+PLY_HEADER = 1 << 16
 """Bytes in which a PLY file's header ends."""
 
 
@@ -85,7 +85,7 @@ def beside(folder: Path, uri: str) -> Path | None:
 def _ply_textures(path: Path) -> list[str]:
     """Return the last texture that comments of a PLY file's header name, the one that is read, if any."""
     with path.open("rb") as stream:
-        head = stream.read(_HEADER).partition(b"end_header")[0].decode("utf-8", "replace")
+        head = stream.read(PLY_HEADER).partition(b"end_header")[0].decode("utf-8", "replace")
     found = re.findall(r"^\s*comment\s+texturefile\s+(\S.*)", head, re.IGNORECASE | re.MULTILINE)
     return [found[-1].strip()] if found else []
 

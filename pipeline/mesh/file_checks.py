@@ -8,12 +8,14 @@ from pathlib import Path
 
 from pipeline.documents import whole_number
 from pipeline.errors import InputError
-from pipeline.mesh.gltf_checks import check_count, check_gltf
+from pipeline.mesh.companion_files import PLY_HEADER
+from pipeline.mesh.gltf_checks import check_gltf
+from pipeline.mesh.limits import check_count
 from pipeline.stand_ins import check_fetched
 
 FORMATS = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
-HEADER = 1 << 16
-"""Bytes in which a PLY file's header ends."""
+OFF_HEADER = 1 << 16
+"""Bytes in which an OFF file's counts stand, comments before them."""
 
 
 def check_file(path: Path) -> None:
@@ -29,34 +31,24 @@ def check_file(path: Path) -> None:
     if not path.stat().st_size:
         raise InputError(f"{path}: 0 bytes, expected a mesh; export or copy it again")
     check_fetched(path, "a mesh")
-    check = {".ply": check_ply, ".stl": check_stl, ".glb": check_gltf, ".gltf": check_gltf}.get(suffix)
-    if check:
-        check(path)
-    check_count(_claimed_faces(path), path)
+    CHECKS[suffix](path)
 
 
-def _claimed_faces(path: Path) -> int:
-    """Return how many triangles a mesh file has at least, without reading them; 0: it does not say (and of
-    glTF, which `check_gltf` counts)."""
-    suffix = path.suffix.lower()
-    if suffix in (".glb", ".gltf"):
-        return 0
-    if suffix == ".obj":
-        return path.read_bytes().count(b"\nf ")
+def check_obj(path: Path) -> None:
+    """Raise InputError for too many faces."""
+    check_count(path.read_bytes().count(b"\nf "), path)
+
+
+def check_off(path: Path) -> None:
+    """Raise InputError for a header that claims too many faces; its reader says what else is wrong."""
     with path.open("rb") as stream:
-        head = stream.read(HEADER)
-    if suffix == ".stl":
-        count = struct.unpack("<I", head[80:84])[0] if len(head) >= 84 else 0
-        return count if path.stat().st_size == 84 + 50 * count else 0
-    if suffix == ".ply":
-        found = re.search(rb"^element\s+face\s+(\d{1,18})\b", head, re.MULTILINE)
-    else:
-        found = re.match(rb"\s*\w*OFF\s+(?:#[^\n]*\n\s*)*\d{1,18}\s+(\d{1,18})\b", head)
-    return int(found[1]) if found else 0
+        head = stream.read(OFF_HEADER)
+    found = re.match(rb"\s*\w*OFF\s+(?:#[^\n]*\n\s*)*\d{1,18}\s+(\d{1,18})\b", head)
+    check_count(int(found[1]) if found else 0, path)
 
 
 def check_stl(path: Path) -> None:
-    """Raise InputError for a binary STL file that is shorter than its triangles."""
+    """Raise InputError for a binary STL file that is shorter than its triangles, or has too many."""
     with path.open("rb") as stream:
         head = stream.read(84)
     size = path.stat().st_size
@@ -75,12 +67,13 @@ def check_stl(path: Path) -> None:
             f"{path}: claims {count} triangles ({84 + 50 * count} bytes) in {size} bytes; the file is cut "
             "off: copy it again"
         )
+    check_count(count, path)
 
 
 def check_ply(path: Path) -> None:
     """Raise InputError unless the header is one and the file is long enough for its elements."""
     with path.open("rb") as stream:
-        head = stream.read(HEADER)
+        head = stream.read(PLY_HEADER)
     lines = head.partition(b"end_header")[0].split(b"\n")
     if not head.startswith(b"ply") or b"end_header" not in head:
         raise InputError(f"{path}: no PLY header; export the mesh again")
@@ -95,3 +88,16 @@ def check_ply(path: Path) -> None:
                 raise InputError(
                     f"{path}: claims {said!r} in {size} bytes; the file is cut off: copy it again"
                 )
+            if words[1] == b"face":
+                check_count(count, path)
+
+
+CHECKS = {
+    ".obj": check_obj,
+    ".ply": check_ply,
+    ".stl": check_stl,
+    ".off": check_off,
+    ".glb": check_gltf,
+    ".gltf": check_gltf,
+}
+"""What each format's files are held against."""

@@ -8,9 +8,8 @@ from typing import Any
 from pipeline.errors import InputError
 from pipeline.mesh.companion_files import buffer_files
 from pipeline.mesh.gltf_json import gltf_fault, read_gltf_json, shown_nodes
+from pipeline.mesh.limits import MOST_FACES, check_count
 
-MOST_FACES = 5_000_000
-"""Of any mesh."""
 MOST_VERTICES = 3 * MOST_FACES
 """Of the pieces that a glTF scene shows; also of an accessor without data, which stands for zeros."""
 MOST_NODES = 100_000
@@ -65,12 +64,6 @@ def check_gltf(path: Path) -> None:
             )
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
         raise InputError(f"{path}: not valid glTF ({gltf_fault(error)}); export it again") from None
-
-
-def check_count(faces: int, path: Path) -> None:
-    """Raise InputError for more faces than a mesh may have."""
-    if faces > MOST_FACES:
-        raise InputError(f"{path}: {faces} faces, expected at most {MOST_FACES}; decimate the mesh first")
 
 
 def _check_version(document: dict[str, Any], path: Path) -> None:

@@ -16,8 +16,8 @@ from jaxtyping import Float, Int
 from pipeline.documents import whole_number
 from pipeline.errors import InputError
 from pipeline.mesh.file_checks import check_file
-from pipeline.mesh.gltf_checks import check_count
 from pipeline.mesh.gltf_reader import Piece, read_gltf
+from pipeline.mesh.limits import check_count
 from pipeline.mesh.mesh import Mesh, check_mesh
 from pipeline.mesh.obj_reader import parse_obj
 from pipeline.options.schema import short
