@@ -288,7 +288,7 @@ def test_others_need_the_token(tmp_path: Path, models: Path) -> None:
 def test_a_killed_server_loses_nothing(tmp_path: Path) -> None:
     """kill -9 in the middle of a training: the run ends with it, and the next server goes on from there."""
     out, models = tmp_path / "runs", tmp_path / "models"
-    write_model(models, steps=60)
+    write_model(models, steps=150)
     with serving(out, models) as server:
         first = server.ask("POST", "/api/jobs", asked()).json["name"]
         second = server.ask("POST", "/api/jobs", asked(seed=1)).json["name"]
