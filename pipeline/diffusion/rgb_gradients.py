@@ -20,6 +20,7 @@ from torch.nn import functional
 
 from pipeline.diffusion.distillation import SdsStep
 from pipeline.diffusion.sessions import Decode, Encode, PullBack
+from pipeline.training.backward import inner_product
 from pipeline.training.batch import Batch, ViewGradient
 
 Distil = Callable[[Float[np.ndarray, "b 4 h w"], Batch], SdsStep]
@@ -87,7 +88,9 @@ def enlarge(
         )
 
     def shrink(gradient: Float[np.ndarray, "b 3 s s"]) -> Float[np.ndarray, "b 3 h w"]:
-        (result,) = torch.autograd.grad(resized, leaf, torch.from_numpy(np.ascontiguousarray(gradient)))
+        with torch.enable_grad():
+            product = inner_product([resized], [torch.from_numpy(np.ascontiguousarray(gradient))])
+        (result,) = torch.autograd.grad(product, leaf)
         return np.asarray(result.numpy())
 
     return resized.detach().numpy(), shrink

@@ -10,19 +10,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import trimesh
 from jaxtyping import Float, Int
 
-from pipeline.documents import whole_number
 from pipeline.errors import InputError
 from pipeline.mesh.file_checks import check_file
 from pipeline.mesh.gltf_reader import Piece, read_gltf
 from pipeline.mesh.limits import check_count
 from pipeline.mesh.mesh import Mesh, check_mesh
 from pipeline.mesh.obj_reader import parse_obj
-from pipeline.options.schema import short
+from pipeline.mesh.part import Part
 
-_NO_FACES = np.zeros((0, 3), np.int64)
 LEAST_EXTENT, MOST_EXTENT = 1e-30, 1e30
 """Beyond these the asset's float32 positions would run out of range."""
 
@@ -57,8 +54,15 @@ def read_mesh(path: Path) -> InputMesh:
     check_file(path)
     suffix = path.suffix.lower()
     if suffix in (".glb", ".gltf"):
-        return _check(_read_gltf(path), path)
-    return _check(_read_obj(path) if suffix == ".obj" else _read_other(path, suffix), path)
+        mesh = _read_gltf(path)
+    elif suffix == ".obj":
+        mesh = _read_obj(path)
+    else:
+        from pipeline.mesh.trimesh_reader import read_parts  # with trimesh, which takes most of a second
+
+        parts = read_parts(path)
+        mesh = _joined(parts, path, [path.stem] * len(parts))
+    return _check(mesh, path)
 
 
 def _read_obj(path: Path) -> InputMesh:
@@ -87,7 +91,7 @@ def _read_obj(path: Path) -> InputMesh:
 
 def _read_gltf(path: Path) -> InputMesh:
     _, pieces = read_gltf(path)
-    parts = [_Part(*_outwards(piece), piece.uv, piece.normals) for piece in pieces]
+    parts = [Part(*_outwards(piece), piece.uv, piece.normals) for piece in pieces]
     return _joined(parts, path, [piece.name for piece in pieces])
 
 
@@ -96,78 +100,7 @@ def _outwards(piece: Piece) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "
     return piece.vertices, piece.faces[:, ::-1] if piece.mirrored else piece.faces
 
 
-def _read_other(path: Path, suffix: str) -> InputMesh:
-    """Read with trimesh what is left after the checks that it lacks."""
-    if suffix == ".off":
-        _check_off(path)
-    try:
-        scene = trimesh.load_scene(path, file_type=suffix[1:], process=False, validate=False)
-        parts = [
-            _part(geometry, welded=suffix == ".stl")
-            for geometry in scene.geometry.values()
-            if isinstance(geometry, trimesh.Trimesh)
-        ]
-        if not parts and any(len(cloud.vertices) for cloud in scene.geometry.values()):
-            # trimesh has another class for what _check would name
-            parts = [
-                _Part(np.concatenate([c.vertices for c in scene.geometry.values()]), _NO_FACES, None, None)
-            ]
-        return _joined(parts, path, [path.stem] * len(parts))
-    except InputError:
-        raise
-    except (
-        Exception
-    ) as error:  # trimesh lets IndexError, JSONDecodeError, ModuleNotFoundError and more escape
-        said = " ".join(str(error).split())[:200] or type(error).__name__
-        raise InputError(f"{path}: not a readable {suffix[1:]} mesh ({said}); export it again") from None
-
-
-def _check_off(path: Path) -> None:
-    """Raise InputError for a face with fewer corners than it claims: trimesh reads three of them."""
-    lines = (line.partition(b"#")[0].split() for line in path.read_bytes().split(b"\n"))
-    words = [line for line in lines if line]
-    if words and words[0][0].endswith(b"OFF"):
-        words[0] = words[0][1:]
-        words = words[not words[0] :]
-    counts = [whole_number(word) for word in words[0]] if words else []
-    if len(counts) < 2 or counts[0] is None or counts[1] is None:
-        return  # trimesh says what is wrong
-    for row in words[1 + counts[0] : 1 + counts[0] + counts[1]]:
-        claimed = whole_number(row[0])
-        if claimed is None or claimed > len(row) - 1:
-            raise InputError(
-                f"{path}: a face claims {short(row[0].decode('ascii', 'replace'))} corners and has "
-                f"{len(row) - 1}; export the mesh again"
-            )
-
-
-class _Part(NamedTuple):
-    vertices: Float[np.ndarray, "v 3"]
-    faces: Int[np.ndarray, "f 3"]
-    uv: Float[np.ndarray, "v 2"] | None
-    normals: Float[np.ndarray, "v 3"] | None
-
-
-def _part(geometry: trimesh.Trimesh, *, welded: bool) -> _Part:
-    """Return what trimesh read. `welded`: corners at one position are one vertex; STL has no indices."""
-    points = np.asarray(geometry.vertices, np.float64)
-    index = np.asarray(geometry.faces, np.int64).reshape(-1, 3)
-    if welded:
-        points, inverse = np.unique(points, axis=0, return_inverse=True)
-        return _Part(points, inverse.reshape(-1)[index], None, None)
-    uv = getattr(geometry.visual, "uv", None)
-    has_uv = uv is not None and len(uv) == len(points)
-    raw = geometry.metadata.get("_ply_raw", {}).get("vertex", {}).get("properties", {})
-    has_normals = {"nx", "ny", "nz"} <= set(raw)  # trimesh makes some where a file has none
-    return _Part(
-        points,
-        index,
-        np.asarray(uv, np.float64)[:, :2] * [1, -1] + [0, 1] if has_uv else None,
-        np.asarray(geometry.vertex_normals, np.float64) if has_normals else None,
-    )
-
-
-def _joined(parts: list[_Part], path: Path, names: list[str]) -> InputMesh:
+def _joined(parts: list[Part], path: Path, names: list[str]) -> InputMesh:
     """Put parts into one mesh. Texture points and normals are taken where every part has them."""
     start, faces = 0, []
     for part in parts:

@@ -12,6 +12,7 @@ from pipeline.nerf.field import LatentField
 from pipeline.nerf.sketch_loss import shape_loss
 from pipeline.sketch.lattice import Sketch
 from pipeline.training.adam import Adam
+from pipeline.training.backward import backward
 
 _POINTS = 8192
 """A step's points."""
@@ -26,7 +27,7 @@ def grow(field: LatentField, optimizer: Adam, sketch: Sketch, rng: np.random.Gen
         density, _ = field.attach([segment])
         _, gradient = shape_loss(sketch, sketch.cell / 2, points.numpy(), density.detach().numpy())
         optimizer.clear_gradients()
-        density.backward(torch.from_numpy(gradient))
+        backward([density], [torch.from_numpy(gradient)])
         optimizer.step()
 
 

@@ -28,6 +28,7 @@ from pipeline.options.nerf import TrainNerf
 from pipeline.sketch.lattice import Sketch, solid_cells
 from pipeline.training.adam import Adam, rate_share
 from pipeline.training.background import FlatBackground, LearnedBackground
+from pipeline.training.backward import backward
 from pipeline.training.batch import (
     Batch,
     ViewGradient,
@@ -181,14 +182,14 @@ def training_step(
 
         entropy = binary_entropy(opacity).mean()
         roots = [views, regulariser(state, options, progress, opacity, entropy, update)]
-        gradients = [torch.from_numpy(gradient / np.float32(len(batch.cameras))), None]
+        gradients = [torch.from_numpy(gradient / np.float32(len(batch.cameras))), torch.ones(())]
         shape = 0.0
         if sketch is not None and outputs.segments:
             shape, push = sketch_gradient(sketch, options, outputs)
             roots.append(outputs.density)
             gradients.append(push)
         state.optimizer.clear_gradients()
-        torch.autograd.backward(roots, gradients)
+        backward(roots, gradients)
         clock.lap("backward")
         _update(state, rate)
         clock.lap("rest")

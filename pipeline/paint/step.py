@@ -21,6 +21,7 @@ from pipeline.options.paint import TrainPaint
 from pipeline.paint.view_weights import ViewWeights, seen_columns, view_weights
 from pipeline.training.adam import Adam, rate_share
 from pipeline.training.background import Background, FlatBackground, LearnedBackground
+from pipeline.training.backward import backward
 from pipeline.training.batch import (
     Batch,
     ViewGradient,
@@ -159,7 +160,7 @@ def paint_step(
     state.colours.grad = torch.from_numpy(total)
     if backdrop.requires_grad:
         open_share = np.stack([(1 - view.covered)[..., None] for view in views])
-        backdrop.backward(torch.from_numpy(share.transpose(0, 2, 3, 1) * open_share))
+        backward([backdrop], [torch.from_numpy(share.transpose(0, 2, 3, 1) * open_share)])
     parameters = {"colours": state.colours, **dict(state.background.named_parameters("background"))}
     for name, parameter in parameters.items():
         require_steppable(name, parameter.grad, state.step)

@@ -1,6 +1,7 @@
 """What can be known to fail before any stage starts: `make plan` and `make run` refuse the same."""
 
 import importlib.util
+from collections.abc import Set
 from pathlib import Path
 
 from pipeline.diffusion.providers import provider_chain
@@ -14,7 +15,6 @@ from pipeline.options.job import Job, token_files
 from pipeline.options.models import bundle_folder
 from pipeline.options.schema import read_yaml
 from pipeline.run.chain import STAGES
-from pipeline.run.plan import Step
 from pipeline.sketch.reading import check_ending, read_sketch
 from pipeline.sketch.svg import DRAWINGS
 
@@ -41,10 +41,9 @@ def check_job(job: Job) -> None:
             check_file(Path(job.sketch))
 
 
-def check_given(job: Job, steps: list[Step]) -> None:
-    """Read what the stages that will run have to read: meshes or the drawing (what is too large to be read
+def check_given(job: Job, stages: Set[str]) -> None:
+    """Read what the stages of these names have to read: meshes or the drawing (what is too large to be read
     twice is left to its stage), the model's tokenizer and its schedule; raises InputError as they would."""
-    stages = {step.stage for step in steps if step.verdict == "run"}
     folder = bundle_folder(job.model)
     if "embed" in stages:
         load_tokenizer(folder / "tokenizer")

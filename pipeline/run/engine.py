@@ -98,10 +98,14 @@ def _missing(run: Path) -> list[str]:
 
 def _plan(job: Job, run: Path) -> list[Step]:
     """Return what has to run, if what stands in the folder and what the user gave allows it."""
+    new = not (run / "stages").exists()
+    if new:  # all that is given may have to be read; what is wrong with it needs no chain to be known
+        check_given(job, {stage.name for stage in stages_of(job)})
     chain = read_chain(job, run)
     check_places(run, [path for link in chain for path in link.outputs.values()])
     steps = make_plan(job, run, chain)
-    check_given(job, steps)
+    if not new:
+        check_given(job, {step.stage for step in steps if step.verdict == "run"})
     return steps
 
 

@@ -207,5 +207,6 @@ def _become(request: dict[str, Any], descriptors: Sequence[int]) -> NoReturn:
 if __name__ == "__main__":
     if sys.argv[1] == "--serve":
         serve(Path(sys.argv[2]), sys.argv[3:])
+        os._exit(0)  # its modules take a second to be taken down, and the run waits for that
     else:
         sys.exit(call(sys.argv[1], sys.argv[2:]))

@@ -25,13 +25,14 @@ def read_sketch(path: Path, thickness: float) -> Mesh:
     Raises:
         InputError: see `readers.read_mesh` and `drawing.read_silhouette`.
     """
-    from pipeline.mesh.readers import read_mesh  # the front door checks an ending without trimesh
-    from pipeline.sketch import drawing
-
     check_ending(path)
     if path.suffix.lower() not in DRAWINGS:
+        from pipeline.mesh.readers import read_mesh  # neither way needs what the other imports
+
         mesh = read_mesh(path)
         return Mesh(mesh.vertices, mesh.faces)
+    from pipeline.sketch import drawing
+
     try:
         return drawing.extrude(drawing.read_silhouette(path), thickness)
     except ValueError as error:
