@@ -83,7 +83,8 @@ def test_points_at_the_surface_alone_cost_and_say_nothing(bar: Sketch) -> None:
 
 def trained(sketch: Sketch, **options: float) -> tuple[float, float]:
     """Return the agreement of scene and sketch in volume at the start and after training without guidance."""
-    settings = TrainNerf(**{"steps": 40, "sparsity_weight": 0.0, "sigma_s": 0.05, **SMALL, **options})
+    plain = {"steps": 40, "updates_per_call": 1, "sparsity_weight": 0.0, "sigma_s": 0.05}
+    settings = TrainNerf(**{**plain, **SMALL, **options})
     state = initial_state(settings, BACKGROUNDS, 0, sketch)
     inside, _ = look_up(sketch, POINTS)
 

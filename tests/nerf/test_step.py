@@ -37,7 +37,7 @@ def no_guidance(latents: np.ndarray, batch: Batch) -> np.ndarray:
 
 
 def test_distillation_reconstructs_a_known_scene() -> None:
-    options = TrainNerf(steps=100, sparsity_weight=0.1, **SMALL)
+    options = TrainNerf(steps=100, sparsity_weight=0.1, updates_per_call=1, **SMALL)
     state = initial_state(options, BACKGROUNDS, 0)
     history: list = []
     train(state, history, options, SIZE, oracle_guidance(TWO_BALLS))
@@ -66,7 +66,8 @@ def test_distillation_reconstructs_a_known_scene() -> None:
 def test_opacity_and_entropy_weights_act() -> None:
     """With no guidance at all they alone move the scene: opacity down, entropy down."""
     for weight, figure in (("opacity_weight", "opacity"), ("sparsity_weight", "entropy")):
-        options = TrainNerf(steps=60, **{"sparsity_weight": 0.0, **SMALL, weight: 100.0})
+        plain = {"sparsity_weight": 0.0, "updates_per_call": 1}
+        options = TrainNerf(steps=60, **{**plain, **SMALL, weight: 100.0})
         state = initial_state(options, BACKGROUNDS, 0)
         figures = [training_step(state, options, 8, no_guidance) for _ in range(options.steps)]
         first, last = (np.mean([getattr(f, figure) for f in part]) for part in (figures[:10], figures[-10:]))

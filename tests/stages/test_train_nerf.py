@@ -34,6 +34,7 @@ COND = np.random.default_rng(1).standard_normal((8, 16)).astype(np.float32)
 OPTIONS = {
     **SMALL,
     "steps": STEPS,
+    "updates_per_call": 1,
     "guidance_scale": 3.0,
     "checkpoint_every": 10,
     "preview_every": 10,
